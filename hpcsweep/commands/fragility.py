@@ -194,17 +194,19 @@ def _demands(options, results, study) -> int:
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
-    from hpcsweep.studies.ground_motion.stripes import spectral_accelerations
+    from hpcsweep.figures.diagrams.responses import at_scale, scale_index
+    from hpcsweep.studies.ground_motion.stripes import intensities, spectral_accelerations
 
     beside = options.demands.with_suffix(".json")
     check_overwriting(options.demands, DEMANDS)
     if "storey_height" not in results:
         raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
     storeys, floors, slab = _places(results, study, options.place)
-    scales, g = results["scale"].values, study.gravity
-    chosen = sorted({int(np.argmin(np.abs(scales - each))) for each in options.scale or scales})
-    at = [f"{study.measure} = {scale:.4g}" for scale in scales[chosen].tolist()]
-    where = at[0] if len(at) == 1 else f"{len(at)} stripes, {at[0]} to {scales[chosen[-1]]:.4g}"
+    g = study.gravity
+    scales, _ = intensities(study.scale, study)
+    chosen = sorted({scale_index(scales, each) for each in options.scale or scales})
+    at = [at_scale(study, place) for place in chosen]
+    where = at[0] if len(at) == 1 else f"{len(at)} stripes, {at[0]} to {at[-1]}"
     runs = results.isel(scale=chosen).transpose("scale", "record", ...)
     height, factor = results["storey_height"].values[storeys], runs["factor"].values
     accelerations = runs["floor_acceleration"].values / g

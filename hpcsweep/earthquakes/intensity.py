@@ -207,6 +207,8 @@ class Measure:
         Share of the target below which the mean of the scaled suite is nowhere.
     components : str
         What pairs of records have in common, of `COMPONENTS`; empty without pairs.
+    unit : str
+        ``g`` of scales that are given so; a label.
     """
 
     by: str = "factor"
@@ -215,6 +217,7 @@ class Measure:
     target: tuple[float, ...] = field(default=(), metadata={"later": True})
     least: float = field(default=0.0, metadata={"later": True})
     components: str = field(default="", metadata={"later": True})
+    unit: str = field(default="", compare=False)
 
     @property
     def own_period(self) -> str:

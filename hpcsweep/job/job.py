@@ -106,8 +106,9 @@ def _canonical(value: object) -> object:
         return _canonical(meaning)
     if is_dataclass(value):
         pairs = [(f, getattr(value, f.name)) for f in fields(value)]
-        # a field that was added later counts where it differs from its default
-        kept = [(f, v) for f, v in pairs if not (f.metadata.get("later") and _is_default(f, v))]
+        # a field that was added later counts where it differs from its default, a label never
+        kept = [(f, v) for f, v in pairs if f.compare]
+        kept = [(f, v) for f, v in kept if not (f.metadata.get("later") and _is_default(f, v))]
         return [(f.name, _canonical(v)) for f, v in kept]
     raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")
 

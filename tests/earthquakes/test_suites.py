@@ -165,6 +165,12 @@ def test_the_tail_lasts_until_rest(tmp_path):
     size = np.hypot(seen.displacement[:, 0], seen.velocity[:, 0] / w)
     at = study.record(0).n_samples - 1
     assert 0.8e-3 < size[-1] / size[at] < 1.25e-3
+    wrong = JOB.replace("mass = 1.0", "mass = 2e5").replace("40.0", "80.0")  # kg with kN/mm
+    (tmp_path / "wrong.toml").write_text(wrong + SUITE + 'tail = "until rest"\n')
+    with pytest.raises(
+        JobError, match=r"or tail be a time; .* 0.314 s if stiffnesses are in kN/mm"
+    ):
+        hpcsweep.load_job(tmp_path / "wrong.toml")
 
 
 def test_columns_are_carried_along(tmp_path):

@@ -26,6 +26,7 @@ from hpcsweep import (
 )
 from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels
+from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.histories import elastic_springs as springs
 from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
 from hpcsweep.figures.options import figures
@@ -35,7 +36,13 @@ from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.history import history
 from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.describe import alone_words
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
+from hpcsweep.studies.ground_motion.stripes import (
+    RESPONSES,
+    StripesError,
+    fit,
+    intensities,
+    stripes_of,
+)
 
 SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
 TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).replace(
@@ -43,6 +50,7 @@ TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).
 )
 KINDS = [name for name, figure in figures().items() if figure.draws == ("responses",)]
 KINDS.remove("portfolio")  # of a job that varies keys
+TWICE = [0.25 * 9.80665, 0.5 * 9.80665, 9.80665]
 OPTIONS = {"fragility": ["--threshold", "0.5"], "profile": ["--scale", "10"]}
 
 
@@ -345,6 +353,17 @@ def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):
     study = parse_job(TEXT.replace(SCALES, "{values = [1.0]}"), "job", "job").study
     with pytest.raises(StripesError, match="intensities are of scale factor, no acceleration"):
         stripes_of(open_results(folder / "job.h5"), study, units="g")
+    # a job that gives its scales in g is told, asked and drawn in g, and is the same job
+    ours, theirs = (
+        parse_job(TEXT.replace(SCALES, f'{{by = "sa", period = 0.5, {text}}}'), "job", "job")
+        for text in ('unit = "g", values = [0.25, 0.5, 1.0]', f"values = {TWICE}")
+    )
+    assert ours.fingerprint == theirs.fingerprint
+    in_g, own = (intensities(one.study.scale, one.study) for one in (ours, theirs))
+    assert (in_g[0].tolist(), in_g[1]) == (pytest.approx([0.25, 0.5, 1.0]), "g")
+    assert (own[0].tolist(), own[1]) == (pytest.approx(TWICE), "length/time^2")
+    assert responses.at_scale(ours.study, 1) == "Sa(0.5; 5 %) = 0.5 g"
+    assert responses.at_scale(theirs.study, 1) == "Sa(0.5; 5 %) = 4.903"
 
 
 def test_a_hazard_curve_makes_a_fragility_a_frequency(folder):

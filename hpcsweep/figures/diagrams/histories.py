@@ -113,7 +113,7 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
     84 %; those of the file (output.floor_spectra), or computed from the records, a second or two of
     each.
     """
-    study, at = style.study_of(results, Records), responses.scale_index(results, scale)
+    study, _, at = responses.run_of(results, None, scale)
     structure, stored = study.structure, study.floors
     style.demand(FORCES, structure, "--kind floor-spectra", "history")
     names = [str(name) for name in structure.floor_names]
@@ -185,8 +185,7 @@ def history(
     Displacements with and without contacts, the gap and the force between them (the largest since
     the instant before: contacts may be shorter; not of rigid stops), and absolute accelerations.
     """
-    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
-    study = style.study_of(results, Records)
+    study, i, at = responses.run_of(results, record, scale)
     samples = responses.samples_of(study, i)
     structure, factor = study.structure, float(study.factor[i, at])
     names = list(structure.contact_names.values())
@@ -263,12 +262,11 @@ def hysteresis(
     Of one record at one intensity. Of a storey, and of bearings, that is the force of the slider
     and of the elastic spring beside it, less what P-Delta takes; of another slider its own.
     """
-    study = style.study_of(results, Records)
+    study, i, at = responses.run_of(results, record, scale)
     structure, names = study.structure, study.structure.slider_names
     if not names:
         raise style.PlotError("--kind hysteresis: the structure has no sliders, nothing yields")
     responses.check_place(place, names, "a slider, of")
-    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     seen = responses.history_of(study, (i, at), time)
     shown = [names.index(place)] if place else range(len(names))
     is_base = [not name[-1].isdigit() for name in names]
@@ -304,8 +302,7 @@ def energy(results, record: str | None = None, scale: float | None = None):
     """
     from hpcsweep.solvers.instants import InstantMap
 
-    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
-    study = style.study_of(results, Records)
+    study, i, at = responses.run_of(results, record, scale)
     structure, samples = study.structure, responses.samples_of(study, i)
     count = samples.n_samples - 1 + int(study.tail / samples.dt + SAME_STEP)
     try:

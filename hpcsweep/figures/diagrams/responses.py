@@ -13,7 +13,7 @@ from hpcsweep.model.isolation import SLAB
 from hpcsweep.model.unit_names import is_level
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, intensities, stripes_of
 
 RESPONSE = Option("--response", "of which response (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
@@ -147,30 +147,30 @@ def touches(stripes: Stripes) -> bool:
     if stripes.alone is None:
         return False
     finite = np.isfinite(stripes.values)
-    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone))[finite].max(initial=0.0)
+    apart = np.nan_to_num(np.abs(stripes.values[finite] - stripes.alone[finite])).max(initial=0.0)
     return bool(apart > MIN_LENGTH * stripes.values[finite].max(initial=0.0))
 
 
-def scale_index(results, scale: float | None) -> int:
-    """Return the place of the scale nearest to one, the middle one if none is requested."""
-    scales = results["scale"].values
+def scale_index(scales: np.ndarray, scale: float | None) -> int:
+    """Return the place of the intensity nearest to one, the middle one if none is requested."""
     return scales.size // 2 if scale is None else int(np.argmin(np.abs(scales - scale)))
 
 
-def record_index(results, record: str | None) -> int:
-    """Return the place of a record, the first if none is requested.
+def run_of(results, record: str | None, scale: float | None) -> tuple[Records, int, int]:
+    """Return the study of results, and the places of a record, by default the first, and scale.
 
     Raises
     ------
     PlotError
     """
+    study = style.study_of(results, Records)
     names = [str(name) for name in results["record"].values]
-    if record is None:
-        return 0
+    record = names[0] if record is None else record
     if record not in names:
         shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
         raise style.PlotError(f"--record {record}: must be one of {shown}")
-    return names.index(record)
+    scales, _ = intensities(results["scale"].values, study)
+    return study, names.index(record), scale_index(scales, scale)
 
 
 def history_of(study: Records, run: tuple[int, int], time, structure=None):
@@ -280,5 +280,7 @@ def run_title(results, study: Records, i: int, at: int) -> str:
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     measure = study.measure.named(study.structure.unit_names.time)
-    unit = labels.named(study.structure, study.measure.quantity)
-    return f"{measure} = {study.scale[place]:.4g}{unit}"
+    scales, unit = intensities(study.scale, study)
+    if unit != "g":
+        unit = labels.named(study.structure, study.measure.quantity).strip()
+    return f"{measure} = {scales[place]:.4g} {unit}".rstrip()

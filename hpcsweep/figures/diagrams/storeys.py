@@ -58,8 +58,9 @@ def profile(results, response: str = "drift", scale: float | None = None):
     """
     if response in ("force", "impacts", "base_shear"):
         raise style.PlotError(f"--response {response}: has no profile over the height")
-    at, study = responses.scale_index(results, scale), style.study_of(results, Records)
+    study = style.study_of(results, Records)
     whole = responses.opened(results, response, None)
+    at = responses.scale_index(whole.intensity, scale)
     peaks = responses_of(results, study, response)
     if study.structure.reduction is not None:
         raise style.PlotError("a profile is for buildings: a finite element model has no storeys")
@@ -127,7 +128,7 @@ def structures_of(frames, response="drift", place=None, scale=None, beside=()) -
             results, study = file.gather(held), as_kind(file.study, Records)
             each = responses_of(results, study, response)
             stripes = stripes_of(results, study, response, place, known=each)
-            number = responses.scale_index(results, scale)
+            number = responses.scale_index(stripes.intensity, scale)
             chosen = places_of([*each.names], place)
             middle = median_band(each.values[:, number, chosen])[1]
             touching = math.nan
@@ -206,7 +207,7 @@ def load_portfolio(
 
     hue = values("--colour", colour) if colour else None
     many = f"{len(keys)} structures, {len(stripes.records)} records"
-    number = int(np.argmin(np.abs(study.scale - scale))) if scale else study.scale.size // 2
+    number = responses.scale_index(stripes.intensity, scale)
     jobs = ", ".join(dict.fromkeys(each.job for each in structures))
     title = f"{jobs}:  {responses.at_scale(study, number)},  {many}"
     over = values("--against", against)

@@ -16,6 +16,7 @@ from hpcsweep.earthquakes.intensity import ISOLATED_PERIOD, Facts, Measure, near
 from hpcsweep.earthquakes.sources import Chosen, Files, Synthetic, checked_record
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.model.isolation import isolated_period
+from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
@@ -305,7 +306,9 @@ def read_tail(values: Any, suite: tuple[Facts, ...], structure: Structure) -> fl
     rate = -slowest_decay(structure)
     if not -math.log(LEFT) <= rate * longest:
         decays = f"decays by exp(-{rate:.3g} t): must decay to {LEFT:g} in {longest:g}"
-        raise values.error("records.tail", tail, f"{decays}, or tail be a time")
+        second = units.seconds_in(structure.unit_names.time or "s")
+        mistaken = "".join(f"; {told}" for told in implausible(structure, second))
+        raise values.error("records.tail", tail, f"{decays}, or tail be a time{mistaken}")
     return rounded(-math.log(LEFT) / rate)
 
 

@@ -72,7 +72,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     least = values.within("records.scale.least", table.get("least", 0.0), 0.0, 1.0)
     ratio = ratio if needed else Measure.damping_ratio
     if by != "target":
-        return Measure(by, periods, ratio, components=components), g * scale
+        return Measure(by, periods, ratio, components=components, unit="g" * is_g), g * scale
     target = tuple((g * _target(values, table.get("target"), np.array(periods))).tolist())
     return Measure(by, periods, ratio, target, least, components), scale
 

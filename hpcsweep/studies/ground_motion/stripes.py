@@ -176,20 +176,19 @@ def stripes_of(
     """
     responses = known or responses_of(results, study, response)
     chosen = places_of([*responses.names], place)
-    quantities = study.measure.quantity, getattr(RESPONSES.get(response), "units", "")
-    in_g = [units == "g" and quantity == "acceleration" for quantity in quantities]
-    if units == "g" and not any(in_g):
+    in_g = units == "g" and getattr(RESPONSES.get(response), "units", "") == "acceleration"
+    if units == "g" and not in_g and study.measure.quantity != "acceleration":
         raise StripesError(f"--units g: the intensities are of {study.measure}, no acceleration")
-    over, of = (study.gravity if each else 1.0 for each in in_g)
+    of = study.gravity if in_g else 1.0
     values, alone = responses.values[..., chosen].max(axis=-1) / of, responses.alone
     if alone is responses.values:
         alone = values
     elif alone is not None:
         alone = alone[..., chosen].max(axis=-1) / of
-    unit = "g" if in_g[1] else responses.unit
+    unit = "g" if in_g else responses.unit
     return Stripes(
-        intensity=results["scale"].values / over,
-        measure=intensity_label(study, "g" if in_g[0] else None),
+        intensity=intensities(results["scale"].values, study, units)[0],
+        measure=intensity_label(study, units),
         values=values,
         alone=alone,
         proportional=responses.proportional,
@@ -217,11 +216,18 @@ def spectral_accelerations(study: Records) -> tuple[float, np.ndarray | None]:
     return second * period, np.array(found)
 
 
+def intensities(scales: np.ndarray, study: Records, units: str | None = None):
+    """Return scales and their unit, in g where that is asked for, or given so in the job."""
+    quantity = study.measure.quantity
+    if "g" in (units, study.measure.unit) and quantity == "acceleration":
+        return scales / study.gravity, "g"
+    return scales, unit_of(study.structure, quantity)
+
+
 def intensity_label(study: Records, units: str | None = None) -> str:
     """Write the measure of the scales, with its unit or in g."""
-    structure, measure = study.structure, study.measure
-    unit = "g" if units == "g" else unit_of(structure, measure.quantity)
-    return measure.named(structure.unit_names.time) + _label(unit)
+    named = study.measure.named(study.structure.unit_names.time)
+    return named + _label(intensities(study.scale, study, units)[1])
 
 
 def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capacity:

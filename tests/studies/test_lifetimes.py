@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import orbit
 from hpcsweep.dynamics.classify import MotionClass
@@ -33,24 +34,51 @@ def test_chaos_below_grazing_that_ends_is_where_it_ends():
     np.testing.assert_array_equal(up["motion"][::-1][below], down["motion"][below])
 
 
-def test_neighbours_are_tested_together_wherever_blocks_are_cut():
-    """Chaos below grazing that a sweep down follows from one amplitude to the next."""
-    amplitudes = np.linspace(0.27006, 0.2681, 8)
-    runs = FrameRuns(Structure(), 0.773802, SweepSettings(classify_cycles=8_000))
-    start = runs.follow([0.2709, 0.27062, 0.27034], np.full(6, 0.1))
+@together(
+    "omega, first, before, most",
+    [
+        (0.773802, 0.27006, [0.2709, 0.27062, 0.27034], 8_000),  # below grazing
+        (0.31277, 0.345, [0.34584, 0.34556, 0.34528], 8_000 // 160),
+    ],
+)
+def test_neighbours_are_tested_together_wherever_blocks_are_cut(omega, first, before, most):
+    """Chaos that a sweep follows from one amplitude to the next."""
+    amplitudes = first - 0.00028 * np.arange(8)
+    runs = FrameRuns(Structure(), omega, SweepSettings(classify_cycles=8_000))
+    start = runs.follow(before, np.full(6, 0.1))
     whole = runs.follow(amplitudes, end_of(start, -1)[:6])
     assert set(whole["motion"].tolist()) == {MotionClass.CHAOTIC}
     followed = whole["classification_cycles"]
-    assert followed[0] >= 8_000
-    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 4, 500))
+    assert followed[0] >= most
+    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 4, most // 64).clip(None, most))
     assert followed[-1] < 2_600
     for size in (1, 3):
         state, parts = end_of(start, -1)[:6], []
-        for first in range(0, 8, size):
-            parts.append(runs.follow(amplitudes[first : first + size], state))
+        for at in range(0, 8, size):
+            parts.append(runs.follow(amplitudes[at : at + size], state))
             state = end_of(parts[-1], -1)
         for name, values in whole.items():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), values)
+
+
+def test_a_band_of_neighbours_refuses_what_its_first_run_does():
+    """With a mean lifetime of L all outlive S_1, S_2, ... with probability exp(-sum S / L)."""
+    omega, amplitude = 0.8025, 0.5
+    runs = FrameRuns(OSCILLATOR, omega, SweepSettings(classify_cycles=50_000))
+    for above, first in ((True, 312), (False, 50_000)):
+        at = amplitude if above else 0.9 * OSCILLATOR.grazing_amplitude(omega)
+        asked = [runs._outlived(at, True, 0)]
+        for _ in range(11):
+            asked.append(runs._outlived(at, True, asked[-1]))
+        assert asked[:3] == [first, first // 4, first // 16]
+        assert asked[-1] == max(first // 64, 1)
+        refused = first / -math.log(0.05)
+        ended = np.random.default_rng(6).exponential(refused, (200_000, len(asked))) < asked
+        assert np.mean(ended[:, 0]) == pytest.approx(0.95, abs=0.002)
+        passed = math.exp(-sum(asked) / refused)
+        assert np.mean(~ended.any(axis=1)) == pytest.approx(passed, abs=0.001)
+        # after an end, and where less was followed, it begins anew
+        assert runs._outlived(at, True, asked[-1] - 1) == first
 
 
 @pytest.mark.slow

@@ -65,10 +65,12 @@ ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
 Figure 6 as described that ended within 3,000 periods 8 did so within 300."""
-POOLED, LESS = 16, 4
-"""Part of ``classify_cycles`` that suffices below grazing where the chaos of the run before on the
-path has outlived as much, and part of the periods of that run: neighbours share one rate of escape,
-and are tested together."""
+POOLED, LESS = 64, 4
+"""Part of these periods, and of those of the run before, that suffices on a path where the chaos of
+that run was followed for as much: neighbours are one test. With a rate of escape kappa all runs of
+a band outlive S_1, S_2, ... periods with probability exp(-kappa (S_1 + S_2 + ...)), so that the
+band refuses what its first run refuses (`lifetime`), and each run adds to it. What ends in it
+begins a new band."""
 
 
 class FrameRuns:
@@ -216,13 +218,14 @@ class FrameRuns:
         """Return the forcing periods that chaos must outlive.
 
         Below grazing a motion without contact attracts, and chaos beside it is likely to be a
-        transient: it is followed for as long as a run may be, or for less where the chaos of the
-        run `before` was followed for so many forcing periods.
+        transient: it is followed for as long as a run may be. In both cases for less where the
+        chaos of the run `before` was followed for so many forcing periods.
         """
         most = self.settings.classify_cycles or 0
         if not amplitude < self._grazing_amplitude:  # which need not be known
-            return most // (ON_PATH if follow else ALONE)
-        return max(before // LESS, most // POOLED) if before >= most // POOLED else most
+            most //= ON_PATH if follow else ALONE
+        least = max(most // POOLED, 1)
+        return min(max(before // LESS, least), most) if before >= least else most
 
     @cached_property
     def _grazing_amplitude(self) -> float:

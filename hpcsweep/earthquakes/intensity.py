@@ -24,7 +24,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, pair_spectrum, spectrum
 from hpcsweep.earthquakes.units import STANDARD_GRAVITY
-from hpcsweep.model.arguments import instance, positive, wrong
+from hpcsweep.model.arguments import instance, positive
 from hpcsweep.model.record import Record
 
 START, END = 0.05, 0.95
@@ -127,24 +127,6 @@ def significant_duration(record: Record) -> float:
     """
     grown = _energy(record)
     return _reached(record, grown, END * grown[-1]) - _reached(record, grown, START * grown[-1])
-
-
-def average_spectral_acceleration(
-    record: Record, periods: Any, damping_ratio: float = DAMPING_RATIO
-) -> float:
-    """Return AvgSA, the geometric mean of Sa at one or several periods.
-
-    Raises
-    ------
-    ValueError
-        If an argument is of the wrong kind or outside its range.
-    """
-    values = spectrum(record, periods, damping_ratio).acceleration
-    if values.size == 0:
-        raise wrong("periods", "must have at least 1 entry, has 0")
-    if not values.all():
-        return 0.0
-    return float(np.exp(np.log(values).mean()))
 
 
 def _moved(t: Any, v: Any, a: Any, b: Any) -> Any:

@@ -85,11 +85,7 @@ STRUCTURE: Tables = {
             "stiffness of a storey that yields over that before, from -0.1 to below 1",
             0.0,
         ),
-        Key(
-            "flag_height",
-            "beta, to 1, of storeys that [spring back](yielding.md#storeys-that-spring-back)",
-            0.0,
-        ),
+        Key("flag_height", "of [flags](yielding.md#storeys-that-spring-back), from 0 to 1", 0.0),
         Key(
             "p_delta",
             "whether the weight above each storey over its height is taken from its stiffness "

@@ -20,8 +20,6 @@ SPRINGLESS = 10.0
 zeta^2 times as fast as displacements."""
 DASHPOT = ("damping", "tension")
 """What is told of a dashpot."""
-UNTOLD = ("kinetic", None), ("returns", None)
-"""What is not told of a slider."""
 MOTION = """\
 M u'' + C u' + K u + sum_k d_k F_k - sum_j k_j b_j p_j = b G(tau). u, u': displacements and \
 velocities of the coordinates relative to the base, in the order of the matrices. {forcing} \
@@ -87,7 +85,8 @@ def describe(structure: Structure) -> dict:
 
 
 def _of_slider(slider) -> dict:
-    return {key: value for key, value in asdict(slider).items() if (key, value) not in UNTOLD}
+    told = asdict(slider).items()
+    return {key: value for key, value in told if value is not None or key == "name"}
 
 
 def as_text(structure: Structure) -> str:

@@ -273,18 +273,14 @@ class Slider:
         object.__setattr__(self, "direction", direction)
         for name in ("stiffness", "strength"):
             object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
-        if self.kinetic is not None:
-            object.__setattr__(self, "kinetic", positive("slider.kinetic", self.kinetic))
-            if self.kinetic > self.strength:
-                raise refused(
-                    "slider.kinetic", f"at most strength, {self.strength:g}", self.kinetic
-                )
-        if self.returns is not None:
-            limit, most = f"from 0 to below strength, {self.strength:g}", self.strength
-            back = number("slider.returns", self.returns, limit, 0.0, math.nextafter(most, 0.0))
-            object.__setattr__(self, "returns", back)
-            if self.kinetic is not None:
-                raise wrong("slider.returns", "and kinetic must not be given both")
+        kinetic = "kinetic", "above 0, and at most", math.ulp(0.0), self.strength
+        returns = "returns", "from 0 to below", 0.0, math.nextafter(self.strength, 0.0)
+        for name, limit, least, most in (kinetic, returns):
+            if (value := getattr(self, name)) is not None:
+                limits = f"{limit} strength, {self.strength:g}", least, most
+                object.__setattr__(self, name, number(f"slider.{name}", value, *limits))
+        if self.returns is not None and self.kinetic is not None:
+            raise wrong("slider.returns", "and kinetic must not be given both")
         name = self.name if isinstance(self.name, str) else ""
         if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
             limit = f"a text of up to {MAX_LABEL} characters that can be printed"
@@ -308,9 +304,8 @@ class Slider:
     @property
     def shares(self) -> tuple[float, float]:
         """Energy that it takes for each unit of its path, and holds for each of p."""
-        if self.returns is None:
-            return self.slips, 0.0
-        return 0.5 * (self.strength - self.returns), 0.5 * (self.strength + self.returns)
+        back = -self.slips if self.returns is None else self.returns
+        return 0.5 * (self.slips - back), 0.5 * (self.slips + back)
 
     @property
     def lost(self) -> float:

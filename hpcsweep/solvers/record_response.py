@@ -241,13 +241,10 @@ def _lasting(structure: Structure, plastic: np.ndarray) -> np.ndarray:
 
     pairs = [(one.stiffness, one.strength, one.returns) for one in structure.sliders]
     spring, strength, returns = np.array(pairs, float).T
-    while True:
-        u = static_equilibrium(structure, plastic)
-        force = np.sign(plastic) * spring * (structure.slider_directions @ u - plastic)
-        back = (plastic != 0.0) & (force < returns - SAME_FORCE * strength)
-        if not back.any():
-            return u
-        plastic = np.where(back, 0.0, plastic)
+    u = static_equilibrium(structure, plastic)
+    force = np.sign(plastic) * spring * (structure.slider_directions @ u - plastic)
+    home = np.where(force < returns - SAME_FORCE * strength, 0.0, plastic)
+    return u if np.array_equal(home, plastic) else _lasting(structure, home)
 
 
 def energy_of(

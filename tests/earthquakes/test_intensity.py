@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from hpcsweep import Record, intensity, read_record, spectrum
 from hpcsweep.earthquakes.intensity import (
-    average_spectral_acceleration,
+    Measure,
     ground_motion,
     significant_duration,
 )
@@ -60,13 +60,12 @@ def test_spectral_accelerations_are_those_of_the_spectrum():
     record = Record(np.random.default_rng(2).standard_normal(100), 0.02)
     periods = [0.2, 0.5, 1.1]
     values = spectrum(record, periods, 0.03).acceleration
-    one = average_spectral_acceleration(record, [0.5], 0.03)
-    assert one == pytest.approx(values[1], rel=1e-14)
-    mean = average_spectral_acceleration(record, periods, 0.03)
-    assert mean == pytest.approx(np.prod(values) ** (1 / 3), rel=1e-14)
-    assert average_spectral_acceleration(Record([0.0, 0.0], 1.0), [1.0]) == 0.0
-    with pytest.raises(ValueError, match="periods must have at least 1 entry, has 0"):
-        average_spectral_acceleration(record, [])
+    for measure, expected in (
+        (Measure("sa", (0.5,), 0.03), values[1]),
+        (Measure("avgsa", tuple(periods), 0.03), np.prod(values) ** (1 / 3)),
+    ):
+        (found,) = measure.of(np.array([measure.ordinates(record)]))
+        assert found == pytest.approx(expected, rel=1e-14)
 
 
 def test_measures_scale_with_the_record():

@@ -59,7 +59,7 @@ REFUSED = [
     (lambda: Spring((0.0,), TABLE), "spring.direction must not be 0"),
     (lambda: Spring((1.0,), TABLE[::-1]), "spring.table must have at least 2 points whose"),
     (lambda: Spring((1.0,), TABLE[1:]), r"spring.table must begin at \(0, 0\), or pass through"),
-    (lambda: Slider((1.0,), 1.0, 1.0, kinetic=2.0), "slider.kinetic must be at most strength"),
+    (lambda: Slider((1.0,), 1.0, 1.0, kinetic=2.0), "slider.kinetic must be above 0, and at"),
     (lambda: of([Spring((1.0,), [(0, 0), (1, 1), (2, 0)])]), "spring.table must not leave a stiff"),
     (lambda: of([Spring((1.0,), TABLE)], sharpness=9.0), "springs need sharpness = inf"),
     (lambda: of([1]), "springs must be a list of Spring"),

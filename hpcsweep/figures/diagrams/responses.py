@@ -281,6 +281,5 @@ def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     measure = study.measure.named(study.structure.unit_names.time)
     scales, unit = intensities(study.scale, study)
-    if unit != "g":
-        unit = labels.named(study.structure, study.measure.quantity).strip()
-    return f"{measure} = {scales[place]:.4g} {unit}".rstrip()
+    unit = " g" if unit == "g" else labels.named(study.structure, study.measure.quantity)
+    return f"{measure} = {scales[place]:.4g}{unit}"

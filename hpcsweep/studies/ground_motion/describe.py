@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.intensity import OWN_PERIOD, average_spectral_acceleration
+from hpcsweep.earthquakes.intensity import OWN_PERIOD
+from hpcsweep.earthquakes.spectrum import spectrum
 from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.plausibility import implausible, told
@@ -73,8 +74,8 @@ def _spectral(study: RecordGrid, i: int, period: float) -> str:
     if math.isinf(period):
         return ""
     try:
-        sa = average_spectral_acceleration(study.record(i), [period])
-        return f"Sa {sa / study.gravity:7.4f}  "
+        (sa,) = spectrum(study.record(i), [period]).acceleration / study.gravity
+        return f"Sa {sa:7.4f}  "
     except ValueError:
         return "Sa not known: the record is not there, or T is too short  "
 

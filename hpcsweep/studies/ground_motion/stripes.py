@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpcsweep.earthquakes.intensity import average_spectral_acceleration
+from hpcsweep.earthquakes.spectrum import spectrum
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.reduction import physical
@@ -210,7 +210,7 @@ def spectral_accelerations(study: Records) -> tuple[float, np.ndarray | None]:
         return second * (named if isinstance(named, float) else period), study.measures
     try:
         records = [study.record(i) for i in range(len(study.suite))]
-        found = [average_spectral_acceleration(record, [period]) for record in records]
+        found = [spectrum(record, [period]).acceleration[0] for record in records]
     except ValueError:
         return second * period, None
     return second * period, np.array(found)

@@ -58,12 +58,16 @@ LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
 
 def displacement(structure, symbol: str, at: str = "") -> str:
     """Label the displacement with the symbol of a `coordinates.Coordinate`."""
-    return f"${symbol.replace('@', 'u')}{at}$" + unit(structure, "length")
+    return _at(symbol.replace("@", "u"), at) + unit(structure, "length")
 
 
 def velocity(structure, symbol: str, at: str = "") -> str:
     """Label the velocity with the symbol of a `coordinates.Coordinate`."""
-    return f"${symbol.replace('@', 'v')}{at}$" + unit(structure, "velocity")
+    return _at(symbol.replace("@", "v"), at) + unit(structure, "velocity")
+
+
+def _at(symbol: str, at: str) -> str:
+    return f"$({symbol}){at}$" if at and " - " in symbol else f"${symbol}{at}$"
 
 
 def parameter(structure, name: str, quantity: str = "1") -> str:
@@ -106,9 +110,9 @@ def common(values: np.ndarray) -> float | None:
     return float(values.flat[0]) if np.all(values == values.flat[0]) else None
 
 
-def path_words(study, runs) -> str:
-    """Format what a sweep along another parameter than the amplitude does with that one."""
-    amplitude = common(runs["amplitude"].values)
+def path_words(study, runs=None) -> str:
+    """Format what sweeps along another parameter than the amplitude do with that one, of `runs`."""
+    amplitude = None if runs is None else common(runs["amplitude"].values)
     over = study.run_dims[-2:] == ("omega", "amplitude")
     words = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
     return ",  ".join([*words, *map(typeset, study.ties)])

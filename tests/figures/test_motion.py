@@ -9,11 +9,11 @@ import tools
 from matplotlib.figure import Figure
 
 import hpcsweep
-from hpcsweep.figures.diagrams import motion, response
+from hpcsweep.figures.diagrams import motion, orbit_diagram, phase, response
 from hpcsweep.figures.diagrams.sweep import mark_stops
 from hpcsweep.figures.explorer.page import _structure
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.figures.labels import typeset
+from hpcsweep.figures.labels import displacement, typeset
 from hpcsweep.figures.style import PlotError
 from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.store import Frames
@@ -70,6 +70,8 @@ def test_time_section_and_spectrum_are_of_the_run_that_is_asked_for(swept):
     points = drawn(motion.section, swept, **RUN, count=7).axes[0].collections[0].get_offsets()
     assert len(points) == 7
     assert np.ptp(points, axis=0).max() < 1e-9  # an orbit of period 1
+    section = drawn(motion.section, swept, **RUN).axes[0]
+    assert len(section.collections[0].get_offsets()) == 1  # not a picture of rounding
     lines = drawn(motion.spectrum, swept, **RUN).axes[0].collections[0].get_segments()
     tops = np.array([line[1, 1] for line in lines])
     with contextlib.closing(Frames(swept, "motions")) as frames:
@@ -77,6 +79,24 @@ def test_time_section_and_spectrum_are_of_the_run_that_is_asked_for(swept):
     assert math.isclose(tops[1], held, rel_tol=1e-5)
     with pytest.raises(PlotError, match="--along, one value, is needed"):
         drawn(motion.time, swept)
+
+
+@pytest.mark.slow
+def test_what_sliders_do_is_told_and_not_that_nothing_touches(swept):
+    loop, portrait = (drawn(figure, swept, **RUN) for figure in (motion.loop, phase.phase))
+    assert loop.get_suptitle().endswith("= 1.2, up: P1, plastic")
+    assert portrait.get_suptitle().endswith("$A$ = 1")
+    assert portrait.axes[0].texts[0].get_text().endswith("up: P1, plastic")
+    still = drawn(phase.phase, swept, amplitudes=[0.1], along=[1.2])
+    assert still.axes[0].texts[0].get_text().endswith("up: P1, elastic")
+    assert still.legends[0].texts[0].get_text() == "nothing closes or slips"
+    assert not drawn(orbit_diagram.orbit, swept).axes[0].texts  # no regions of contact sets
+
+
+def test_the_time_of_a_difference_is_that_of_both():
+    structure = hpcsweep.Structure(2)
+    assert displacement(structure, "@_{2} - @_{1}", "(jT)").startswith("$(u_{2} - u_{1})(jT)$")
+    assert displacement(structure, "@_{1}", "(jT)").startswith("$u_{1}(jT)$")
 
 
 @pytest.mark.slow

@@ -18,8 +18,8 @@ from hpcsweep.model.coordinates import coordinate_of
 
 POINTS = Option(
     "--points",
-    "stroboscopic points of a section (default: 2000), forcing periods of a history (10) or, where "
-    "nothing repeats, of a spectrum (500)",
+    "stroboscopic points of a section, forcing periods of a history or a spectrum (default: those "
+    "of an orbit; where nothing repeats 2000, 10, 500)",
     dest="count",
     type=whole_number(1, 10**6),
     metavar="N",
@@ -129,7 +129,7 @@ def section(run: Shown, floors=(), count: int | None = None, **_options):
     """Stroboscopic section of one run, --points N followed on, at --amplitude A or --along X."""
     from hpcsweep.solvers.solver import stroboscopic_points  # loads what computes
 
-    points = stroboscopic_points(*run[:3], run.state, count or 2000)
+    points = stroboscopic_points(*run[:3], run.state, count or run.period or 2000)
     shown = coordinates(run.structure, floors)
     figure, axes = mesh.panels(len(shown), *SIZES, sharex=False, sharey=False)
     for axis, coordinate in zip(axes, shown, strict=True):
@@ -141,7 +141,7 @@ def section(run: Shown, floors=(), count: int | None = None, **_options):
         axis.set_ylabel(labels.velocity(run.structure, coordinate.symbol, "(jT)"))
         for stop in np.concatenate(coordinate.stops(run.structure)).tolist():
             axis.axvline(stop, color=palette.STOP, lw=0.8, ls=(0, (5, 3)))
-    return style.head(figure, run.title, f"{len(points)} points", fontsize=9)
+    return style.head(figure, run.title, f"{len(points)} points" * (len(points) > 1), fontsize=9)
 
 
 @figure_of("spectrum", "motions", load, *OPTIONS)

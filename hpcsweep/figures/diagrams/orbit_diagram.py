@@ -86,7 +86,7 @@ def orbit(
         sweep.mark_stops(axis, frame.study.structures, coordinate, frame.along)
     style.limit_amplitudes(axis, frame.along)
     note = ""
-    if "contact" in frame.runs:
+    if "contact" in frame.runs and structure.contacts:
         apart = coexistence(frame.runs, frame.classes, frame.study.units_at)
         regions = _mark_regions([*axes.values()], frame, structure.contact_labels, apart)
         named = contacts_named(structure)

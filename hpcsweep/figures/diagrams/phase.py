@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, shakedown_name
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
@@ -91,9 +91,7 @@ def phase(
     for coordinate, axis in zip(shown, axes[-1], strict=True):
         axis.set_xlabel(labels.displacement(structure, coordinate.symbol), fontsize=9)
     _legend(figure, frame, {index[motion] for motion in motions})
-    common = None if np.isnan(frame.omega) else frame.omega
-    every = frame.study.structures
-    return style.head(figure, style.parameters(every[0], common, every[-1]), fontsize=9)
+    return style.head(figure, frame.caption, fontsize=9)
 
 
 def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> DrawnRun:
@@ -217,9 +215,11 @@ def words_of_run(frame: Frame, motion: DrawnRun) -> str:
     """Return where a run is, and what its motion is."""
     runs, period = frame.runs, int(frame.runs["orbit_period"].values[motion])
     name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(frame.classes[motion]))]
-    if "contact" in runs:
+    if "contact" in runs and frame.structure.contacts:
         contact = int(runs["contact"].values[motion])
         name += f", {style.set_name(contact, frame.structure.contact_labels)}"
+    if "shakedown" in runs and (slides := int(runs["shakedown"].values[motion])):
+        name += f",{shakedown_name(slides)}"
     direction = str(runs["direction"].values[motion.direction])
     dim = frame.study.run_dims[-1]
     where = f"{labels.typeset(dim)} = {float(frame.along[motion.along]):.5g}"
@@ -234,9 +234,9 @@ def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
 def _legend(figure, frame: Frame, drawn: set[int]) -> None:
     from matplotlib.patches import Patch
 
-    motions = [palette.MOTIONS[place] for place in sorted(drawn)]
+    motions = palette.motions_of(frame.structure)
     handles = [
-        *(labels.key(name, color=colour) for name, colour in motions),
+        *(labels.key(motions[place][0], color=motions[place][1]) for place in sorted(drawn)),
         labels.dot("stroboscopic points", "black", face="white"),
     ]
     if frame.structure.contacts:

@@ -114,8 +114,7 @@ def response(loaded, measure: str | None = None, log: str | None = None, **_opti
     if measure == "phase":
         symbol = f"${coordinate.symbol.replace('@', 'u')}$  [rad]"
     axis.set(xlabel=labels.along(study), ylabel=f"{VALUES[measure]} of {symbol}")
-    axis.set(xscale="log" if "x" in (log or "") else "linear")
-    axis.set(yscale="log" if "y" in (log or "") else "linear")
+    axis.set(**{f"{way}scale": "log" for way in log or ""})
     name = labels.typeset(study.run_dims[-2])
     keys = [
         labels.key(f"{name} = {at:.4g}", color=c)
@@ -127,6 +126,5 @@ def response(loaded, measure: str | None = None, log: str | None = None, **_opti
         keys += [labels.key("stable branch", color="0.3", lw=1.6, alpha=0.6)]
         keys += [labels.key("unstable", color="0.3", lw=0.7, ls=(0, (4, 2)))]
     labels.legend_below(figure, keys, "")
-    return style.head(
-        figure, style.caption(results, more=",  ".join(map(labels.typeset, study.ties)))
-    )
+    fixed = labels.path_words(study, None if "amplitude" in study.run_dims else results)
+    return style.head(figure, style.caption(results, more=fixed))

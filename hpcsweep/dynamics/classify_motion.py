@@ -9,8 +9,8 @@ by a part of it from then on, and classified each time by its later part. A moti
 (`stability.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
 - quasi-periodic if over `MIN_TORUS` periods or more weighted means over both halves agree to
-  `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
-  confidence, and no orbit is verified that the torus is locked to.
+  `TORUS_DIGITS`, or `CALM_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not
+  below 0 with confidence, and no orbit is verified that the torus is locked to.
 
 An orbit is claimed only where Newton's method converges to rounding (`verification`): a motion that
 closes without one is slow, and followed. To an orbit that it approaches a motion jumps: the orbit

@@ -184,7 +184,8 @@ def read_values(values: Values):
     if told := next(filter(None, map(unconfined, each)), "") if study.recurs else "":
         raise JobError(told, "structure", values.source)
     if study.kind != "records" and not all(map(HARMONIC.of, each)):
-        raise JobError(f"{HARMONIC.without}: {HARMONIC.why}", "structure", values.source)
+        limit = f"must be without {HARMONIC.without}: {HARMONIC.why}"
+        raise JobError(limit, "structure", values.source)
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hpcsweep
+from hpcsweep.job import JobError, parse_job
 
 
 class Flag:
@@ -150,3 +151,7 @@ def test_flags_that_are_none_are_refused():
     flag = hpcsweep.Building(1.0, yield_drift=1.0, flag_height=0.5).structure
     with pytest.raises(ValueError, match="must be without sliders that slip back"):
         hpcsweep.stroboscopic_points(flag, 1.0, 1.0, [0.0, 0.0, 0.0], 1)
+    text = "[[building]]\nmass = 1.0\nstorey_stiffness = 1.0\nyield_drift = 1.0\n"
+    text += "flag_height = 0.5\n[sweep]\nomega = 1.0\namplitude = [1.0]\n"
+    with pytest.raises(JobError, match="job: structure must be without sliders that slip back: fl"):
+        parse_job(text, "job", "job")

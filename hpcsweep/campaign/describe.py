@@ -12,7 +12,7 @@ from hpcsweep.model.description import SPRINGLESS, few, modes_kept, one_line, sl
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.reduction import absurd
-from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, known_unit, unit_of
+from hpcsweep.model.unit_names import in_cycles, is_in_gaps, is_in_own_units, known_unit, unit_of
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.study import Lines, Study
 
@@ -94,13 +94,6 @@ def _units(structure) -> str:
     return ", ".join(f"{name} {unit_of(structure, name)}" for name in names)
 
 
-def _cycles(structure, omega: float) -> str:
-    """Format a frequency in cycles per unit of time, where time has a unit."""
-    if not structure.unit_names.time:
-        return ""
-    return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
-
-
 def _model(structure) -> Lines:
     """Yield what became of the coordinates of a finite element model, and effective masses."""
     if (reduction := structure.reduction) is None:
@@ -117,7 +110,7 @@ def _model(structure) -> Lines:
         where = f"and {reduction.force_error:.2g} of forces of contacts under the records"
     yield (
         "reduced to",
-        f"{reduction.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; "
+        f"{reduction.modes} modes, up to omega = {highest:.6g}{in_cycles(structure, highest)}; "
         f"estimated error {reduction.error:.2g} of displacements {where}",
     )
     shares = ", ".join(f"{share:.3g}" for share in reduction.shares[:MAX_MODES])
@@ -152,7 +145,7 @@ def _rate(structure, i: int) -> str:
         decay = f"speeds decay in {1.0 / rate:.4g}{unit}" if rate > 0.0 else "no damping"
         return f"no spring, {decay}"
     omega = structure.frequencies[i]
-    frequency = f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}"
+    frequency = f"omega = {omega:.6g}{in_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}"
     return f"{frequency}, {_damping(structure, i)}"
 
 

@@ -6,12 +6,14 @@ from string import ascii_lowercase
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import contact_name
+from hpcsweep.dynamics import classify
 from hpcsweep.figures.labels import broken, fitter, legend_below
 from hpcsweep.figures.palette import contact_colour
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.coordinates import place_of
+from hpcsweep.model.description import in_words
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import in_cycles, unit_of
 from hpcsweep.solvers.offers import LINEAR, Capability
 from hpcsweep.studies.grid import DOWN, UP, RunGrid
 from hpcsweep.studies.points import START
@@ -47,7 +49,7 @@ def grazing_amplitude(structure, omega: float) -> float:
 
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
     """Return the name of a contact set in a legend, 'no contact' if it is empty."""
-    return contact_name(contact, labels, room) if contact else "no contact"
+    return classify.contact_name(contact, labels, room) if contact else "no contact"
 
 
 def set_names(
@@ -269,10 +271,8 @@ def structure_of(results) -> Structure:
 
 def classes_of(results) -> np.ndarray:
     """Classify every run of results by the settings of their job (`hpcsweep.dynamics`)."""
-    from hpcsweep.dynamics.classify import classify
-
     job = job_of(results)
-    return classify(results, job.settings, job.study.units_at)
+    return classify.classify(results, job.settings, job.study.units_at)
 
 
 def caption(results, omega: float | None = None, more: str = "") -> str:
@@ -285,8 +285,6 @@ def caption(results, omega: float | None = None, more: str = "") -> str:
 
 def parameters(structure, omega: float | None = None, other=None) -> str:
     """Format the parameters of a structure, those of an `other` too, and a frequency if any."""
-    from hpcsweep.model.description import in_words
-
     words = [pair for pair in in_words(structure) if other is None or pair in in_words(other)]
     if omega is not None:
         words.append((r"\Omega", frequency_words(structure, omega)))
@@ -296,12 +294,8 @@ def parameters(structure, omega: float | None = None, other=None) -> str:
 
 def frequency_words(structure, omega: float) -> str:
     """Format a frequency, where time has a unit with that and in cycles."""
-    from hpcsweep.model.unit_names import unit_of
-
-    if not structure.unit_names.time:
-        return f"{omega:.6g}"
-    cycles = f"{omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
-    return f"{omega:.6g} {unit_of(structure, 'frequency')} = {cycles}"
+    unit = f" {unit_of(structure, 'frequency')}" if structure.unit_names.time else ""
+    return f"{omega:.6g}{unit}{in_cycles(structure, omega)}"
 
 
 def stretches(*rows: np.ndarray) -> list[tuple[int, int]]:
@@ -324,17 +318,15 @@ def percent(share: float) -> str:
 
 def shares_text(results, classes: np.ndarray) -> str:
     """Format the shares of the motion classes on one line, always with the undecided ones."""
-    from hpcsweep.dynamics.classify import MotionClass, class_names, class_shares, tells_chaos
-
-    names = class_names(structure_of(results))
+    names = classify.class_names(structure_of(results))
     parts = [
         f"{names[kind]} {percent(share)}"
-        for kind, share in class_shares(classes).items()
-        if share > 0 or kind is MotionClass.UNDECIDED
+        for kind, share in classify.class_shares(classes).items()
+        if share > 0 or kind is classify.MotionClass.UNDECIDED
     ]
     noun = f"{job_of(results).study.run_noun}s".capitalize()
     hint = "; chaos is not told: the file holds neither motion nor lyapunov"
-    return f"{noun}: " + ", ".join(parts) + ("" if tells_chaos(results) else hint)
+    return f"{noun}: " + ", ".join(parts) + ("" if classify.tells_chaos(results) else hint)
 
 
 def foot(

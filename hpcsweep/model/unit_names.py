@@ -5,6 +5,7 @@ has units of its own: lengths in gaps, time in 1/omega_0. Any other structure is
 of the user, who may name them.
 """
 
+import math
 from typing import NamedTuple
 
 QUANTITIES = {
@@ -119,3 +120,10 @@ def known_unit(structure, quantity: str) -> str:
     """Format the unit that follows a number; empty where it has no name."""
     has_name = any(structure.unit_names) or is_in_gaps(structure)
     return f" {unit_of(structure, quantity)}" if has_name else ""
+
+
+def in_cycles(structure, omega: float) -> str:
+    """Format, behind a frequency, what it is in cycles; empty where time has no unit."""
+    if not structure.unit_names.time:
+        return ""
+    return f" = {omega / (2 * math.pi):.6g} {unit_of(structure, 'cycles')}"

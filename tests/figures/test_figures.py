@@ -12,7 +12,7 @@ from tools import hpcsweep
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import MotionClass, contact_name
 from hpcsweep.figures import style, view
 from hpcsweep.figures.diagrams import maps, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
@@ -123,9 +123,9 @@ def test_shares_are_never_rounded_to_nothing_or_all():
 
 
 def test_names():
-    assert style.contact_name(0b110, 3) == "C23"
-    assert style.contact_name(0, 3) == "none"
-    assert style.contact_name(0b100000000011, 12) == "C1,2,12"
+    assert contact_name(0b110, 3) == "C23"
+    assert contact_name(0, 3) == "none"
+    assert contact_name(0b100000000011, 12) == "C1,2,12"
     assert [orbit_diagram.roman(k) for k in (1, 4, 8, 9, 14, 42)] == [
         "i",
         "iv",

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics import classify
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
@@ -185,12 +186,12 @@ def _names(contacts: tuple[int, ...], labels, room: int | None) -> list[str]:
     contacts : tuple of int
         Of a `Region`.
     labels : int or sequence of str
-        See `style.contact_name`.
+        See `classify.contact_name`.
     room : int or None
         Most letters of a name.
     """
     sets = dict.fromkeys(contacts)
-    names = [style.contact_name(c, labels, room).replace("none", "–") for c in sets]
+    names = [classify.contact_name(c, labels, room).replace("none", "–") for c in sets]
     return names if len(names) == len(contacts) else [f"{len(contacts)} × {names[0]}"]
 
 

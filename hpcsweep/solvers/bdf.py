@@ -75,9 +75,7 @@ class BdfMap:
         self.rtol, self.period = self._steps.rtol, self._model.period
         self._units = Units(structure, self._model)
 
-    def advance(
-        self, state: np.ndarray, amplitude: float, n_periods: int, poll: Poll = None
-    ) -> Advance:
+    def advance(self, state, amplitude, n_periods, poll: Poll = None) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
         z = self._units.into(z)
@@ -88,15 +86,7 @@ class BdfMap:
         return Advance(self._units.out_of(z), n_periods, Outcome.COMPLETE)
 
     def settle(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        max_period: int,
-        settled: float,
-        same: float,
-        near: float = 0.0,
-        poll: Poll = None,
+        self, state, amplitude, n_periods, max_period, settled, same, near=0.0, poll: Poll = None
     ) -> Approach:
         """Integrate the whole transient: the error of a period hides whether an orbit has closed.
 
@@ -106,21 +96,12 @@ class BdfMap:
         done = self.advance(state, amplitude, n_periods, poll)
         return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
 
-    def points(
-        self, state: np.ndarray, amplitude: float, n_periods: int, poll: Poll = None
-    ) -> tuple[np.ndarray, Outcome]:
+    def points(self, state, amplitude, n_periods, poll=None) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
         return self._collect(state, amplitude, n_periods, poll, None)
 
     def observe(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        modal_norm: bool = False,
-        growth: bool = False,
-        poll: Poll = None,
-        measures: int = 0,
+        self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None, measures=0
     ) -> Observation:
         """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
@@ -143,14 +124,7 @@ class BdfMap:
             tally.measures(self.structure, len(points)),
         )
 
-    def grow(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Poll = None,
-        direction: np.ndarray | None = None,
-    ) -> Growth:
+    def grow(self, state, amplitude, n_periods, poll=None, direction=None) -> Growth:
         """Integrate `n_periods`, and again with a tangent vector."""
         points, outcome = self.points(state, amplitude, n_periods, poll)
         logarithms, end = np.empty(0), np.empty(0)
@@ -178,9 +152,7 @@ class BdfMap:
         end = self._units.tangent_out_of(z[size:, None]).ravel()
         return logarithms, end, Outcome.COMPLETE
 
-    def monodromy(
-        self, state: np.ndarray, amplitude: float, n_periods: int
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def monodromy(self, state, amplitude, n_periods) -> tuple[np.ndarray, np.ndarray]:
         """Integrate with the tangent map; see `hpcsweep.solvers.flow.FlowMap.monodromy`.
 
         The 2n variational columns are integrated with the state, to the same tolerance.
@@ -196,9 +168,7 @@ class BdfMap:
         matrix = z[size:].reshape(size, n_columns)
         return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
 
-    def images(
-        self, states: np.ndarray, amplitude: float, tangents: bool = True, poll: Poll = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def images(self, states, amplitude, tangents=True, poll=None) -> tuple[np.ndarray, ...]:
         """Integrate states over one forcing period each; see `flow.FlowMap.images`.
 
         The tangent maps are integrated in any case.

@@ -85,14 +85,7 @@ class FreeMotion:
         return is_free(self.packed, state, amplitude, end)
 
 
-def _tables(
-    structure: Structure,
-    orbit: LinearOrbit,
-    omega: float,
-    transient: int,
-    sampling: int,
-    same: float,
-) -> Free:
+def _tables(structure, orbit, omega, transient, sampling, same) -> Free:
     n = structure.n_floors
     phi, frequencies = structure.modes, structure.frequencies
     modal = orbit.directions @ phi

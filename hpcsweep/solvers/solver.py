@@ -1,6 +1,6 @@
 """Both solvers behind one interface, and a function for stroboscopic points.
 
-A solver belongs to one structure and one frequency and has the methods of `BdfMap`: `advance`,
+A solver belongs to one structure and one frequency and has the methods of `FlowMap`: `advance`,
 `settle`, `points`, `observe`, `grow`, `monodromy` and `images`; what they return is in
 `hpcsweep.solvers.records`. All of them start at phase tau = 0 of the forcing and advance whole
 forcing periods T = 2 pi / Omega. One that cannot tell when an orbit has closed integrates all of

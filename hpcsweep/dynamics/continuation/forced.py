@@ -150,9 +150,7 @@ class ForcedMap:
         solver, amplitude = self._begin(value, len(points))
         return solver.images(points * self.units, amplitude, poll=self._poll).states / self.units
 
-    def tangents(
-        self, points: np.ndarray, value: Any, by: int = 0
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def tangents(self, points, value, by=0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the states after a forcing period; derivatives by those before, by parameters."""
         solver, amplitude = self._begin(value, len(points))
         images, matrices = solver.images(points * self.units, amplitude, True, self._poll)
@@ -165,14 +163,7 @@ class ForcedMap:
             slopes[..., k] = (self.images(points, tuple(values)) - images) / (high - low)
         return images, held(matrices, len(self.structure.sliders)), slopes
 
-    def take_round(
-        self,
-        scale: float,
-        rows: np.ndarray,
-        inverse: np.ndarray,
-        matrices: np.ndarray,
-        rules: tuple,
-    ) -> tuple[float, float] | None:
+    def take_round(self, scale, rows, inverse, matrices, rules) -> tuple[float, float] | None:
         """Take a round of Newton's method along the amplitude in one compiled call."""
         if self.is_costly or not BATCHES.of(self.structure):
             return None

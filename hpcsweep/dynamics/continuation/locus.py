@@ -147,14 +147,7 @@ class Locus(Curve):
         at = self._cross(y, normal, across, None, FIRST)
         return self._with_tangent(at, across, across, FIRST, across)
 
-    def solve(
-        self,
-        guess: np.ndarray,
-        border: np.ndarray,
-        near: Solution | None = None,
-        reached: float = 0.0,
-        keeps: bool = False,
-    ) -> Solution:
+    def solve(self, guess, border, near=None, reached=0.0, keeps=False) -> Solution:
         """Find the point of the locus near a guess, to its own `PRECISION` whatever was reached.
 
         Parameters
@@ -164,8 +157,6 @@ class Locus(Curve):
         near : Solution
             A point of the locus, with its inverse.
         """
-        assert near is not None
-        assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
         across = unit(border.size, -1) if steep else border / np.linalg.norm(border)
         step = max(float(np.linalg.norm(guess - near.y)), MIN_APART)

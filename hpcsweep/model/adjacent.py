@@ -148,14 +148,7 @@ def _touching(
 
 
 def _contacts(
-    ends: Sequence[tuple[np.ndarray, str]],
-    masses: np.ndarray,
-    gap: Any,
-    stiffness: Any,
-    restitution: Any = None,
-    damping: Any = None,
-    tension: bool = False,
-    bumper: Any = (),
+    ends, masses, gap, stiffness, restitution=None, damping=None, tension=False, bumper=()
 ) -> Iterator[tuple[Contact, str]]:
     """Yield the contacts of two neighbours, with their names; see `adjacent`."""
     if restitution is not None and damping is not None:

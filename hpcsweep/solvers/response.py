@@ -153,7 +153,7 @@ def linear_response(
     still: dict[str, Any] = {
         quantity.name: np.zeros(sizes[quantity.dim], getattr(peaks, quantity.name).dtype)
         for quantity in TABLE
-        if quantity.dim in sizes
+        if quantity.dim in sizes and quantity.name in vars(peaks)
     }
     linear = replace(
         peaks,

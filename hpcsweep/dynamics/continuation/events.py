@@ -16,6 +16,7 @@ All are functions along the arc, found by false position, the last one by bisect
 is a point of the branch. A point is known to about `PRECISION` of the step.
 """
 
+import contextlib
 import math
 from collections.abc import Callable
 from enum import IntEnum
@@ -24,13 +25,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, length
+from hpcsweep.dynamics.stability import TangentMaps
 
 PRECISION = 1e-12
 BISECTIONS, MOVES = 44, 100
 FALLS = 1e-2
-SINGULAR = 1e-8
-"""Error of a prediction that is taken as a branch point: next to one the Jacobian is singular, and
-rounding can be all that Newton's method finds."""
+SINGULAR, BESIDE = 1e-2, 1e-4
+"""Length of a chord on which a branch point is interpolated: next to one the Jacobian is singular,
+and rounding can be all that Newton's method finds; and how far beside it, from both sides."""
 COMPLEX = 1e-6
 """Imaginary part from which a multiplier is no real one, and distance from the unit circle up to
 which it is on it."""
@@ -135,23 +137,19 @@ class Chord:
     def __init__(self, curve: Curve, first: Solution, last: Solution):
         self._curve, self._first, self._last, self.near = curve, first, last, last
         self._chord = last.y - first.y
-        self._length = float(np.linalg.norm(self._chord))
-        self._border = curve.border(self._chord / self._length, first.tangent, last.tangent)
+        self.length = float(np.linalg.norm(self._chord))
+        self._border = curve.border(self._chord / self.length, first.tangent, last.tangent)
 
     def ahead(self, fraction: float) -> np.ndarray:
         """Predict y at a fraction of the chord."""
         first, last, near = self._first, self._last, self.near
         on, way = near.y, near.tangent
         if near is last:
-            slopes = self._length * first.tangent, self._length * last.tangent
+            slopes = self.length * first.tangent, self.length * last.tangent
             on, way = cubic(fraction, first.y, last.y, *slopes), self._border
         off = first.y + fraction * self._chord - on
         predicted: np.ndarray = on + self._border.dot(off) / self._border.dot(way) * way
         return predicted
-
-    def error(self, move: float) -> float:
-        """Return about how far off a prediction is, a share of the chord from the point before."""
-        return self._length**4 if self.near is self._last else (move * self._length) ** 2
 
     def along(self, fraction: float, keeps: bool = False) -> Solution:
         """Move to a fraction of the chord; `keeps`: with the Jacobian of the point before."""
@@ -174,7 +172,7 @@ def locate(
     order 1.7: where moves fall as fast as `FALLS`, what is left is less than their product. It
     takes 7 points where Brent's method, which closes in from both sides, takes 12. Return the
     point, and its fraction of the chord, which is known to `precision`; where Newton's method does
-    not converge the prediction, if its error is `singular` at most.
+    not converge, on a chord of the length `singular` at most, both by interpolation.
     """
     chord, (low, high), move = Chord(curve, first, last), (0.0, 1.0), 1.0
     low_value, high_value = test(first), test(last)
@@ -184,9 +182,12 @@ def locate(
         try:
             point = chord.along(place)
         except NotConvergedError:
-            if chord.error(move) > singular:
+            if chord.length > singular:
                 raise
-            return chord.near._replace(y=chord.ahead(place)), place
+            y = Chord(curve, first, last).ahead(place)
+            with contextlib.suppress(NotConvergedError):
+                y = _root_beside(curve, Chord(curve, first, last), place, test)
+            return last._replace(y=y), place
         value = test(point)
         if (value < 0) != (high_value < 0):
             low, low_value = high, high_value
@@ -198,6 +199,22 @@ def locate(
         if value == 0.0 or move <= precision or falls:
             return point, place
     raise NotConvergedError("no point on a chord")
+
+
+def _root_beside(
+    curve: Curve, chord: Chord, near: float, test: Callable[[Solution], float]
+) -> np.ndarray:
+    """Return y where a function of a chord vanishes, by its inverse from four points beside.
+
+    Their tangent maps are taken anew: those of Newton's method are of before its last move.
+    """
+    away = BESIDE / chord.length
+    points = [chord.along(near + share * away) for share in (-1.0, -0.5, 0.5, 1.0)]
+    maps = [TangentMaps(curve.linearise(point.y)[1]) for point in points]
+    values = np.array([test(p._replace(maps=m)) for p, m in zip(points, maps, strict=True)])
+    others = [np.delete(values, i) for i in range(len(values))]
+    shares = [np.prod(o / (o - value)) for o, value in zip(others, values, strict=True)]
+    return np.array(shares) @ np.array([point.y for point in points])
 
 
 def locate_change(

@@ -5,8 +5,9 @@
 period with the reference's. The limit is 1e-11 of the size of the motion times its conditioning,
 the largest growth of a tangent vector from any of the periods before; counts of impacts are equal.
 A motion beyond it is told, and put to the proof: the reference, jolted by 1e-13 in its amplitude
-and after each period, and by a unit of rounding in displacements after each event, has to differ
-from itself beyond the limit, or the program is at fault. Counts may differ by impacts that are
+and after each period, by a unit of rounding in displacements after each event, and in how near a
+stop is reached, or the program, jolted in its amplitude, has to differ from itself beyond the
+limit, or the program is at fault. Counts may differ by impacts that are
 within 64 of rounding.
 """
 
@@ -68,6 +69,7 @@ def reference_of(case, jolt: int = 0) -> tuple[np.ndarray, Rigid]:
     rng, states = np.random.default_rng(jolt + 9), []
     reference = Jolted(*case[:8], case[8] * (1.0 + jolt * JOLT), case[9])
     reference.rng = rng if jolt else None
+    reference.at_stop *= 4.0 ** abs(jolt)
     z, n = np.zeros(2 * len(case[0])), len(case[0])
     for period in range(1, PERIODS + 1):
         u, v = reference.advance(z[:n], z[n:], period * 2 * math.pi / case[7])
@@ -110,7 +112,11 @@ def judge(seed: int) -> Found:
     equal = equal or growth.max() * LIMIT > ALL  # of another motion
     if error > LIMIT or not equal:
         apart = 0.0
-        for jolt in (-4, -3, -2, -1, 1, 2, 3, 4):
+        for jolt in (-3, -2, -1, 1, 2, 3):
+            other = FlowMap(structure, case[7]).observe(
+                start, case[8] * (1.0 + jolt * JOLT), PERIODS
+            )
+            apart = max(apart, differs(other.points, seen.points, sizes * growth))
             with suppress(ArithmeticError):
                 apart = max(apart, differs(reference_of(case, jolt)[0], exact, sizes * growth))
         kind = (TOGETHER if reference.beside else GRAZING) if apart > LIMIT else FAULT

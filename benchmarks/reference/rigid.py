@@ -13,6 +13,8 @@ from scipy.linalg import expm, null_space
 from scipy.optimize import brentq
 
 ROUNDING = 2.0**-46
+LOWEST = 2.0**-72
+"""Height of hops with e < 1, over the size of a state, that are followed."""
 NEAR = 64.0
 HALVES = np.arange(5.25, 40.0, 0.25)
 NODES = 64
@@ -56,7 +58,7 @@ class Rigid:
         Impacts of which another, that it pushes, is at its stop and does not rest.
     """
 
-    at_stop = 2e-15
+    at_stop = 5e-16
     """Distance, over the size of displacements, below which a stop is reached."""
 
     def __init__(self, mass, damping, stiffness, rows, gaps, e, push, omega, amplitude, harmonics):
@@ -196,6 +198,7 @@ class Rigid:
         if hit in self.resting:
             self.resting, self.begun = tuple(k for k in self.resting if k != hit), {hit}
             return u, v
+        u = u - self.flexible[:, hit] * (self.rows[hit] @ u - self.gaps[hit]) / self.gram[hit, hit]
         size = max(1.0, np.abs(u).max(), np.abs(v).max())
         self.size = max(self.size, size)
         touching = {k for k in range(len(self.gaps)) if self._at_stop(k, u)} | {hit}
@@ -257,11 +260,14 @@ class Rigid:
             p = np.linalg.solve(self.gram[np.ix_(held, held)], self.rows[held] @ free)
             pulled = free - self.flexible[:, held] @ p
         ways = self.rows @ pulled
+        still, lowest = 1e-12 * size, np.where(self.e < 1.0, LOWEST, ROUNDING)
+        if any(speeds[k] > ROUNDING * size for k in touching):
+            still, lowest = 1e-16 * size, 0.0 * lowest  # others close now, and may push it
         slow = [
             k
             for k in sorted(touching)
-            if abs(speeds[k]) <= 1e-12 * size
-            or (speeds[k] < 0.0 < ways[k] and speeds[k] ** 2 <= 2.0 * ROUNDING * size * ways[k])
+            if abs(speeds[k]) <= still
+            or (speeds[k] < 0.0 < ways[k] and speeds[k] ** 2 <= 2.0 * lowest[k] * size * ways[k])
         ]
         for count in range(len(slow), -1, -1):
             for some in itertools.combinations(slow, count):

@@ -17,6 +17,7 @@ Impacts act along e_k alone. So what they leave of all else is what a contact do
 its stop meanwhile, but for forces of a displacement of w^2 / 2 a at most, and of speeds whose
 integral that is. Where it is below the rounding of lengths (`observed.ROUNDING`) the motion is that
 of a contact that *rests*; the time 2 w / (a (1 - e)) is left out of that in which it is closed.
+Not while another that pushes it closes at the same instant, which would find it at rest.
 
 Rest is x = 0, x' = 0, with u'' = a - sum m_k e_k, see `solvers.flow.step.constraint`. It ends where
 a reaction m_k falls through 0. Which of several contacts at their stops without speed rest is a

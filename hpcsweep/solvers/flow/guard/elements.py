@@ -233,14 +233,16 @@ def _passage(g, segment, end, modes, tables, model, ends, step):
 
 
 @inlined
-def _out_of_reach(g, d, modes, elements, ends):
+def _out_of_reach(g, d, modes, model, ends):
     """Return whether a guard on y alone is not passed within d of a step; True is proved."""
-    guard, e = elements.guard[g], elements.owner[g]
-    way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, elements)
+    guard, e = model.elements.guard[g], model.elements.owner[g]
+    way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, model.elements)
     g0, slope0 = way * ends[0, e] - end, way * ends[1, e]
     g1, slope1 = way * ends[2, e] - end, way * ends[3, e]
     if guard[SPEED] != 0.0 or is_reaction(guard):
         return False
+    if g0 == 0.0 and is_rigid(e, model.contacts):  # it has just bounced
+        return leaves(d, g0, slope0, g1, slope1, ends[4, e])
     return not may_reach(d, g0, slope0, g1, slope1, ends[4, e])
 
 
@@ -265,7 +267,7 @@ def first_change(segment, span, modes, tables, model, proof, step):
                 continue
             mode = modes.mode[e]
             for g in range(elements.guards[mode], elements.guards[mode + 1]):
-                if _out_of_reach(g, span, modes, elements, proof.ends):
+                if _out_of_reach(g, span, modes, model, proof.ends):
                     continue
                 s = _passage(g, segment, time, modes, tables, model, proof.ends, step)
                 if s == UNDECIDED:

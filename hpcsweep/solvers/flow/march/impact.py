@@ -20,7 +20,9 @@ from hpcsweep.solvers.flow.step.forcing import forcing_at
 from hpcsweep.solvers.flow.step.series import accelerations_of
 
 THERE = 2.0**-50
-"""Part of the size of a state, or of a gap: a few units, to which a distance is known at best."""
+"""Part of the size of displacements, or of a gap, to which a distance is known at best."""
+FAST = 2.0**-12
+"""Part of the size of a state: what leaves a stop faster is not held there."""
 MOST = 10_000
 """Most impacts of contacts that push each other at one instant; sets that are tried for rest."""
 
@@ -68,18 +70,24 @@ def rest_of(tau, key, touching, z, amplitude, shared, told):
         Set of the motion.
     """
     model, pairs, series = shared.model, shared.work.forcing, shared.work.step.series
-    contacts, tally, (size, _, at_rest) = model.contacts, shared.tally, sizes_of(z)
+    contacts, tally, (size, least, at_rest) = model.contacts, shared.tally, sizes_of(z)
     m, pressed, slow = contacts.row.shape[0], np.uint64(0), np.uint64(0)
     a, values, speeds = local_vector(series.field.shape[1]), local_vector(m), local_vector(m)
+    fast = True
     for k in range(m):
         speeds[k] = approach_speed(k, z, contacts)
         if touching & contact_bit(k) and speeds[k] < -at_rest:
             key &= ~contact_bit(k)
+        fast = fast and (touching & contact_bit(k) == np.uint64(0) or speeds[k] < -FAST * size)
+    if fast:
+        return key
     forcing_at(tau, amplitude, model, pairs, 0)
     accelerations(key, z, pairs, model, series, a)
     for k in range(m):
         w, way, bit = speeds[k], contacts.sign[k] * a[contacts.row[k]], contact_bit(k) & touching
         values[k] = 2.0 * w / (way * (1.0 - contacts.bounce[k])) if w < -at_rest else 0.0
+        if w < 0.0 < contacts.bounce[k] and _is_struck(k, touching, least, speeds, contacts):
+            continue
         slow |= bit if abs(w) <= at_rest else np.uint64(0)
         hop = w < 0.0 and w * w <= 2.0 * ROUNDING * max(size, abs(contacts.gap[k])) * way
         pressed |= bit if hop else slow & bit
@@ -96,6 +104,15 @@ def rest_of(tau, key, touching, z, amplitude, shared, told):
     if told:
         _tell(values, speeds, False, z, model, tally)
     return key | resting
+
+
+@inlined
+def _is_struck(k, touching, least, speeds, contacts):
+    """Return whether a contact that pushes k closes at the same instant."""
+    for j in range(contacts.oblique.shape[0]):
+        if touching & contact_bit(j) and contacts.oblique[k, j] != 0.0 and speeds[j] > least:
+            return True
+    return False
 
 
 @inlined
@@ -175,7 +192,9 @@ def _closing_there(touching, z, contacts):
 
     They have just bounced, off one that pushes them back: the time until then would be rounding.
     """
-    size, least, _ = sizes_of(z)
+    size, (_, least, _) = 0.0, sizes_of(z)
+    for i in range(z.shape[0] // 2):
+        size = max(size, abs(z[i]))
     for k in range(contacts.bounce.shape[0]):
         near = THERE * max(size, abs(contacts.gap[k]))
         if abs(distance(k, z, contacts)) <= near and approach_speed(k, z, contacts) > least:
@@ -226,6 +245,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
     key, told = key & ~touching | past & touching, wanted & IMPACT != 0
     speeds, values, a = local_vector(m), local_vector(m), local_vector(series.field.shape[1])
     before, rates, together = local_vector(n), local_vector(n), False
+    rested = np.uint64(0)
     for _ in range(MOST):
         touching = _closing_there(touching, z, contacts)
         first, closing, (_, least, _) = -1, rigid_of(key, contacts), sizes_of(z)
@@ -234,7 +254,9 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
             if touching & contact_bit(k) and speeds[k] > least:
                 first, closing = k, closing | contact_bit(k)
         if first < 0:
-            return rest_of(tau, key, touching, z, amplitude, shared, told)
+            if touching != rested:
+                key = rest_of(tau, key, touching, z, amplitude, shared, told)
+            return key
         if tangent is not None:
             forcing_at(tau, amplitude, model, pairs, 0)
             accelerations(key, z, pairs, model, series, a)
@@ -253,7 +275,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
             tally.contact[0] |= struck
         if told:
             _tell(values, speeds, together, z, model, tally)
-        key = rest_of(tau, key, touching, z, amplitude, shared, told)
+        key, rested = rest_of(tau, key, touching, z, amplitude, shared, told), touching
         if tangent is not None:
             accelerations(key, z, pairs, model, series, a)
             take_out(struck, True, contacts, rates, values)

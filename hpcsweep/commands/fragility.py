@@ -195,7 +195,7 @@ def _demands(options, results, study) -> int:
 
     from hpcsweep.earthquakes.demands import write_demands
     from hpcsweep.figures.diagrams.responses import at_scale, scale_index
-    from hpcsweep.studies.ground_motion.stripes import intensities, spectral_accelerations
+    from hpcsweep.studies.ground_motion.stripes import spectral_accelerations
 
     beside = options.demands.with_suffix(".json")
     check_overwriting(options.demands, DEMANDS)
@@ -203,7 +203,7 @@ def _demands(options, results, study) -> int:
         raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
     storeys, floors, slab = _places(results, study, options.place)
     g = study.gravity
-    scales, _ = intensities(study.scale, study)
+    scales, _ = study.intensities(study.scale)
     chosen = sorted({scale_index(scales, each) for each in options.scale or scales})
     at = [at_scale(study, place) for place in chosen]
     where = at[0] if len(at) == 1 else f"{len(at)} stripes, {at[0]} to {at[-1]}"

@@ -176,10 +176,11 @@ def _by_direction(summary: dict, name: str) -> str:
 
 def _placed(most: dict) -> dict[str, str]:
     """Write the unit of the largest value of a measure, and where it is."""
-    unit = "" if most["units"] == "1" else f" {most['units']}"
+    units = most["units"], most.get("scale_unit", "1")
+    unit, of_scale = ("" if each == "1" else f" {each}" for each in units)
     where = "A = {amplitude:.6g}, Omega = {omega:.6g}"
     if "record" in most:
-        where = "{part}, " * bool(most["part"]) + "{record}, scale {scale:.6g}"
+        where = "{part}, " * bool(most["part"]) + "{record}, scale {scale:.6g}" + of_scale
     return {"unit": unit, "where": where.format_map(most)}
 
 

@@ -169,6 +169,7 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
 
 def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
+    from hpcsweep.earthquakes.intensity import rounded
     from hpcsweep.store import meanings
     from hpcsweep.studies.ground_motion.stripes import places_of
     from hpcsweep.studies.variables import percent_of_height
@@ -193,6 +194,8 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     done = results[["outcome"]].rename(outcome=DONE)
     table = done.assign(columns).to_dataframe([*runs, *along])
     table = table[table[DONE] > 0].reset_index().assign(**keys)
+    if units.get("scale") == " [g]":
+        table["scale"] = [*map(rounded, study.intensities(table["scale"])[0])]
     by_formula = [name for name in ("omega", "amplitude") if name in results.coords]
     shown = dict.fromkeys([*keys, *runs, *by_formula, *along, *wanted])
     return table[[*shown]].rename(columns=lambda name: name + units.get(name, ""))
@@ -208,6 +211,8 @@ def _units(frames, wanted: dict[str, Column]) -> dict[str, str]:
     kinds |= {name: entry.units for name, entry in study.coordinates.items()}
     kinds |= {entry.name: entry.units for axis in study.axes for entry in axis.keys}
     units = {name: unit_of(study.structure, unit) for name, unit in kinds.items()}
+    if "scale" in units:
+        units["scale"] = frames.study.intensities(1.0)[1]
     units |= {name: entry.unit for name, entry in wanted.items()}
     return {name: f" [{unit}]" for name, unit in units.items() if unit not in ("1", "")}
 

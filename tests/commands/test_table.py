@@ -129,6 +129,26 @@ def test_lasting_drifts_are_in_the_unit_and_sense_of_drifts(tmp_path):
             assert float(row["residual_drift"]) <= float(row["drift"]) * (1 + 1e-12)
 
 
+def test_scales_in_g_are_told_in_g(tmp_path, capsys):
+    text = FEW.replace("from = 0.5, to = 5.0, count = 2", 'unit = "g", values = [0.1, 0.3]')
+    file, path = tmp_path / "a.h5", tmp_path / "a.csv"
+    (tmp_path / "a.toml").write_text(text)
+    assert campaign.run(parse_job(text, "job", "a"), file, Serial()) == 0
+    assert main(["table", str(file), "--what", "drift"]) == 0
+    assert path.read_text().startswith("record,scale [g],place,drift [%]\n")
+    drift = open_results(file).storey_drift
+    for row in read(path):
+        one = drift.sel(record=row["record"], storey=row["place"])
+        at = ["0.1", "0.3"].index(row["scale"])
+        assert drift.scale[at].item() == pytest.approx(9.80665 * float(row["scale"]), rel=1e-15)
+        assert float(row["drift"]) == pytest.approx(100 * abs(one[at].item()) / 3.2, rel=1e-15)
+    for command in (["describe", str(tmp_path / "a.toml")], ["summary", str(file)]):
+        assert main(command) == 0
+    told = capsys.readouterr().out
+    assert "2 of PGA, 0.1 to 0.3 g; records" in told
+    assert len(re.findall("^ +largest .*, scale 0.3 g\\)$", told, re.M)) > 2
+
+
 def test_no_cell_is_a_formula_to_a_spreadsheet(tmp_path):
     names = ["=cmd|' /C calc'!A0", "@SUM(1)", "+1+1", "-1", "plain = 1"]
     rows = [{"name": name, "pounding.gap": 0.01 * (k + 1)} for k, name in enumerate(names)]

@@ -36,13 +36,7 @@ from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.history import history
 from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.describe import alone_words
-from hpcsweep.studies.ground_motion.stripes import (
-    RESPONSES,
-    StripesError,
-    fit,
-    intensities,
-    stripes_of,
-)
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 
 SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
 TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).replace(
@@ -359,7 +353,7 @@ def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):
         for text in ('unit = "g", values = [0.25, 0.5, 1.0]', f"values = {TWICE}")
     )
     assert ours.fingerprint == theirs.fingerprint
-    in_g, own = (intensities(one.study.scale, one.study) for one in (ours, theirs))
+    in_g, own = (one.study.intensities(one.study.scale) for one in (ours, theirs))
     assert (in_g[0].tolist(), in_g[1]) == (pytest.approx([0.25, 0.5, 1.0]), "g")
     assert (own[0].tolist(), own[1]) == (pytest.approx(TWICE), "length/time^2")
     assert responses.at_scale(ours.study, 1) == "Sa(0.5; 5 %) = 0.5 g"

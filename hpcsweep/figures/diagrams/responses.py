@@ -13,7 +13,7 @@ from hpcsweep.model.isolation import SLAB
 from hpcsweep.model.unit_names import is_level
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, intensities, stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of
 
 RESPONSE = Option("--response", "of which response (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
@@ -169,7 +169,7 @@ def run_of(results, record: str | None, scale: float | None) -> tuple[Records, i
     if record not in names:
         shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
         raise style.PlotError(f"--record {record}: must be one of {shown}")
-    scales, _ = intensities(results["scale"].values, study)
+    scales, _ = study.intensities(results["scale"].values)
     return study, names.index(record), scale_index(scales, scale)
 
 
@@ -280,6 +280,6 @@ def run_title(results, study: Records, i: int, at: int) -> str:
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     measure = study.measure.named(study.structure.unit_names.time)
-    scales, unit = intensities(study.scale, study)
+    scales, unit = study.intensities(study.scale)
     unit = " g" if unit == "g" else labels.named(study.structure, study.measure.quantity)
     return f"{measure} = {scales[place]:.4g}{unit}"

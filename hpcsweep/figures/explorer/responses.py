@@ -90,7 +90,7 @@ def gather_responses(frames):
         "parts": parts,
         "menus": [_menu(axis, structure) for axis in axes],
         "records": [record.name for record in study.suite],
-        "scales": stripes.intensities(study.scale, study)[0].tolist(),
+        "scales": study.intensities(study.scale)[0].tolist(),
         "collapses": "collapsed" in frames,
         "facts": [
             {

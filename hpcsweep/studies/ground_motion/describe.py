@@ -39,12 +39,12 @@ motions reach 0.09, synthetic ones of 3 s 0.55, El Centro cut off before 180 s o
 
 def lines(study: RecordGrid) -> Lines:
     """Tell the scales and the records."""
-    measure, scale, named = study.measure, study.scale, partial(unit_of, study.structure)
-    unit = "" if measure.quantity == "1" else f" {named(measure.quantity)}"
+    (scale, unit), named = study.intensities(study.scale), partial(unit_of, study.structure)
+    unit = "" if unit == "1" else f" {unit}"
     low, high = study.factor.min(), study.factor.max()
     yield (
         "scales",
-        f"{scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
+        f"{scale.size} of {study.measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
         f"multiplied by {low:.4g} to {high:.4g}",
     )
     yield from (("building", text) for text in told(study.structure, study.gravity))
@@ -147,6 +147,7 @@ class ResponseTally(BaseTally):
     def add(self, frame, study: Study) -> None:
         """Count the runs of some records; see `BaseTally.add`."""
         super().add(frame, study)
+        self.grid = grid = as_kind(study, RecordGrid)
         self.elastic = max(self.elastic, elastic_drift(frame, study.structure))
         outcome, rule = frame["outcome"].values, frame["skip_rule"].values
         linear = (outcome > 0) & (rule == SkipRule.LINEAR)
@@ -155,12 +156,11 @@ class ResponseTally(BaseTally):
             self.counts["all"]["touching"] += int((frame["impacts"].values > 0).any(axis=-1).sum())
         if "collapsed" in frame:
             self.counts["all"]["collapsed"] += int(frame["collapsed"].values.sum())
-        responses = as_kind(study, RecordGrid).responses
-        structure, factors = hash(responses.computed), frame["factor"].values
+        structure, factors = hash(grid.responses.computed), frame["factor"].values
         different = (outcome > 0) & ~linear
         for name, row, chosen in zip(frame["record"].values, factors, different, strict=True):
             for factor in row[chosen].tolist():
-                self.counts["ratios"][structure, str(name), responses.ratio(factor)] += 1
+                self.counts["ratios"][structure, str(name), grid.responses.ratio(factor)] += 1
 
     def summary(self) -> dict[str, Any]:
         """Return the counts; see `BaseTally.summary`."""
@@ -170,6 +170,11 @@ class ResponseTally(BaseTally):
         del counts["periods_per_run"]
         if (collapsed := self.counts["all"].get("collapsed")) is not None:
             counts["collapsed"] = share(collapsed, done)
+        counts["largest"] = {
+            name: most
+            | dict(zip(("scale", "scale_unit"), self.grid.intensities(most["scale"]), strict=True))
+            for name, most in self.largest.items()
+        }
         return counts | {
             "records": sizes["record"],
             "scales": sizes["scale"],

@@ -19,6 +19,7 @@ from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.ground_motion import scales, variables
@@ -203,7 +204,17 @@ class RecordGrid(Part):
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run: ``record``, ``scale``."""
         record, at = run
-        return {"record": self.suite[record].name, "scale": float(self.scale[at])}
+        return {
+            "record": self.suite[record].name,
+            "scale": float(self.intensities(self.scale)[0][at]),
+        }
+
+    def intensities(self, scales: Any, units: str | None = None) -> tuple[Any, str]:
+        """Return scales and their unit, in g where that is asked for, or given so in the job."""
+        quantity = self.measure.quantity
+        if "g" in (units, self.measure.unit) and quantity == "acceleration":
+            return scales / self.gravity, "g"
+        return scales, unit_of(self.structure, quantity)
 
     @cached_property
     def instants(self) -> dict[str, Coordinate]:

@@ -187,7 +187,7 @@ def stripes_of(
         alone = alone[..., chosen].max(axis=-1) / of
     unit = "g" if in_g else responses.unit
     return Stripes(
-        intensity=intensities(results["scale"].values, study, units)[0],
+        intensity=study.intensities(results["scale"].values, units)[0],
         measure=intensity_label(study, units),
         values=values,
         alone=alone,
@@ -216,18 +216,10 @@ def spectral_accelerations(study: Records) -> tuple[float, np.ndarray | None]:
     return second * period, np.array(found)
 
 
-def intensities(scales: np.ndarray, study: Records, units: str | None = None):
-    """Return scales and their unit, in g where that is asked for, or given so in the job."""
-    quantity = study.measure.quantity
-    if "g" in (units, study.measure.unit) and quantity == "acceleration":
-        return scales / study.gravity, "g"
-    return scales, unit_of(study.structure, quantity)
-
-
 def intensity_label(study: Records, units: str | None = None) -> str:
     """Write the measure of the scales, with its unit or in g."""
     named = study.measure.named(study.structure.unit_names.time)
-    return named + _label(intensities(study.scale, study, units)[1])
+    return named + _label(study.intensities(study.scale, units)[1])
 
 
 def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capacity:

@@ -11,9 +11,8 @@ from reference import reference_points
 from tools import PAPER, hpcsweep
 
 from hpcsweep import open_results
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import MotionClass, contact_name
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.figures.style import contact_name
 from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome

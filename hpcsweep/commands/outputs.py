@@ -26,7 +26,7 @@ KINDS = {
     DEMANDS: rb"[^\n]*,\d+-P[FI][AD]-",
     COLLAPSES: rb'\{\s*"CollapseFragility"',
     TABLE: rb"PAR1|PK\x03\x04.{26}(docProps|xl|_rels|\[Content)"
-    rb"|job,structure,storeys,|([^\n]+,)?(record,scale|direction,[^\n]+,amplitude)( \[[^\n,]*\])?,",
+    rb"|job,structure,storeys |([^\n]+,)?(record,scale|direction,[^\n]+,amplitude)( \[[^\n,]*\])?,",
 }
 """Patterns of the first bytes, by kind."""
 

@@ -108,7 +108,7 @@ def _structures(frames, options) -> Iterator:
         structures = structures_of(frames, *what, others)
     label = structures[0].stripes.label.replace("  ", " ")
     rows = [
-        {"job": each.job, "structure": each.name, "storeys": each.storeys, **each.keys}
+        {"job": each.job, "structure": each.name, "storeys in all": each.storeys, **each.keys}
         | {f"{part} {label}": size for part, size in zip(PARTS, each.band, strict=True)}
         | {"touching": each.touching, "worst place": each.worst}
         for each in structures

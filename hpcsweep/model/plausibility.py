@@ -201,7 +201,7 @@ def _shares(
     if not outside:
         return
     name, length, height = outside[0]
-    share, more = 100.0 * length / height, f" and {len(outside) - 1} more" * (len(outside) > 1)
+    share, more = 100.0 * length / height, f" (and {len(outside) - 1} more)" * (len(outside) > 1)
     mistakes = (*mistakes, *((height * factor, text) for factor, text in of_height))
     yield (
         f"{words.format(name + more, length, f'{share:.3g} %')} height {height:g}, outside "

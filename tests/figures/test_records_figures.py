@@ -471,6 +471,7 @@ def test_structures_of_several_jobs_stand_in_one_table(folder):
         assert values == pytest.approx([largest[1], np.median(largest), largest[6]])
         share = float((results.impacts.isel(scale=0) > 0).any("stop").mean())
         assert (row["job"], float(row["touching"])) == (job, share)
+        assert row["storeys in all"] == str(results.sizes["storey"])
         middle = np.median(drift.values, axis=list(drift.dims).index("record"))
         assert row["worst place"] == str(results.storey.values[middle.argmax()])
     done = hpcsweep(

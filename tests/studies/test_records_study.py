@@ -811,8 +811,8 @@ BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
         (
             {"3.2": "3.2\nyield_drift = 0.5"},
             [
-                "storey 1 and 2 more yields at a drift of 0.5, 15.6 % of its height 3.2, outside "
-                "0.05 to 5 %: 0.156 % if yield drifts are in cm, 0.5 % if it is a percentage"
+                r"storey 1 \(and 2 more\) yields at a drift of 0.5, 15.6 % of its height 3.2, out"
+                "side 0.05 to 5 %: 0.156 % if yield drifts are in cm, 0.5 % if it is a percentage"
             ],
         ),
         ({"3.2": "3.2\nyield_drift = 16.0"}, ["500 % .*: 0.5 % if yield drifts are in mm, 5 % if"]),

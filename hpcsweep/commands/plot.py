@@ -87,12 +87,14 @@ def run(options) -> int:
     kind = options.kind or _default(job_of(options.file), every)
     figure = every[kind]
     chosen = {}
-    for option, kinds in options_of(every.values()).items():
+    known = options_of(every.values())
+    for option, kinds in known.items():
         value = getattr(options, option.keyword)
         if value is None:
             continue
         if option not in figure.options:
-            raise CommandError(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
+            flags = " or ".join(each.flag for each in known if each.keyword == option.keyword)
+            raise CommandError(f"{flags} does not go with --kind {kind}, only with: {kinds}")
         chosen[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")
     if not output.suffix:

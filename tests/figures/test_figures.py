@@ -312,6 +312,10 @@ def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results)
     "arguments, words",
     [
         (["--kind", "map", "--period", "3"], ("--period", "--kind map", "only with: phase")),
+        (
+            ["--kind", "map", "--row", "2-1"],
+            ("--floor or --row does not go with --kind map, only",),
+        ),
         (["--amplitude", "0.1"], ("--amplitude", "--kind orbit", "phase")),
         (["--kind", "phase"], ("--amplitude or --period",)),
         (["--kind", "phase", "--amplitude", "7"], ("--amplitude 7", "0.02 to 0.3")),

@@ -24,6 +24,7 @@ At the border of its family (`families`) an orbit of sliders is replaced by one 
 that across families.
 """
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -224,6 +225,8 @@ class _Classifier:
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
         z, _, ended = outlive(self._march, z, min(self._outlived, self.left))
+        if ended is None and self.growth.mean == -math.inf:
+            return None  # all that is near merges on a rigid stop: an orbit, however long
         return ended or replace(motion, cycles=self.cycles)
 
     def _march(self, z: np.ndarray, n_periods: int) -> tuple[np.ndarray, int, Motion | None]:
@@ -232,7 +235,12 @@ class _Classifier:
         Marching takes two thirds to four fifths of the time of watching.
         """
         before, ended = self.cycles, None
-        points, outcome = self._solver.points(z, self._amplitude, n_periods, self._poll)
+        if self._solver.structure.is_rigid.any():
+            seen = self._solver.grow(z, self._amplitude, n_periods, self._poll)
+            points, outcome = seen.points, seen.outcome
+            self._logarithms = np.concatenate((self._logarithms, seen.logarithms))
+        else:
+            points, outcome = self._solver.points(z, self._amplitude, n_periods, self._poll)
         self.cycles += len(points)
         z = points[-1] if len(points) else z
         if outcome is not Outcome.COMPLETE:

@@ -6,7 +6,8 @@ Meccanica 15 (1980) 9; Geist, Parlitz, Lauterborn, Prog. Theor. Phys. 83 (1990) 
 half the interval of batch means (`stability.growth_interval`), so that periods are added until it
 is small enough. Those of an orbit are ln |mu_i| / (p T), to the rounding of its multipliers.
 
-What a period contracts to less than the rounding of its tangent map is not told but NaN.
+What a period contracts to less than the rounding of its tangent map is not told but NaN; where all
+of the map vanishes, as of one mass that comes to rest on a rigid stop, each exponent is -inf.
 
 With exponents l_1 >= l_2 >= ... and j the most of which the sum is not negative, the Kaplan-Yorke
 dimension of the stroboscopic points is j + (l_1 + ... + l_j) / |l_(j+1)|: 0 of an orbit, 1 of a
@@ -88,6 +89,8 @@ def spectrum_of_orbit(solver, points: np.ndarray, amplitude: float) -> LyapunovS
     p, size = points.shape
     matrices = solver.images(points, amplitude, True)[1] * units / units[:, None]
     maps = TangentMaps(matrices)
+    if not matrices.any(axis=(1, 2)).all():
+        return LyapunovSpectrum.of(np.full(size, -np.inf), np.zeros(size))
     if p * size <= MANY:
         # |mu|^(1/p), which rounding changes by that of one map
         sizes = np.abs(maps.cyclic_multipliers) ** (1 / p)
@@ -137,14 +140,16 @@ def spectrum_of_motion(
         for k, matrix in enumerate(maps):
             frame, upper = np.linalg.qr(matrix @ frame)
             stretches[k] = np.abs(np.diag(upper))
-            stretches[k, stretches[k] <= ROUNDED * np.linalg.norm(upper)] = np.nan
-        parts.append(np.log(stretches))
+            stretches[k, stretches[k] < ROUNDED * np.linalg.norm(upper)] = np.nan
+        with np.errstate(divide="ignore"):
+            parts.append(np.log(stretches))
         done += length
         if done < judged:
             continue
         growths = [growth_interval(growth) for growth in aligned(np.concatenate(parts)).T]
         means = np.array([growth.mean for growth in growths]) / time
-        errors = np.array([growth.high - growth.mean for growth in growths]) / time
+        halves = [0.0 if g.mean == -math.inf else g.high - g.mean for g in growths]
+        errors = np.array(halves) / time
         if done >= max_cycles or np.nanmax(errors, initial=0.0) <= error:
             return LyapunovSpectrum.of(means, errors, done)
         judged = min(math.ceil(GROWTH * judged), max_cycles)

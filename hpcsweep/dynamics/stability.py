@@ -269,12 +269,12 @@ def growth_interval(logarithms: np.ndarray) -> MeanInterval:
     Returns
     -------
     Interval
-        In units of 1/T; NaN if there are too few periods, or a factor is 0.
+        In units of 1/T; NaN if there are too few periods, -inf if a factor is 0.
     """
     length = len(logarithms) // BATCHES
     # a sum with an infinite term is not finite
-    if length == 0 or not math.isfinite(logarithms.sum()):
-        return UNKNOWN
+    if length == 0 or not math.isfinite(total := float(logarithms.sum())):
+        return MeanInterval.exact(total) if length and total < 0 else UNKNOWN
     kept = logarithms[len(logarithms) - length * BATCHES :]
     means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
     mean = math.fsum(means) / BATCHES

@@ -160,6 +160,28 @@ def test_sweeps_store_the_spectrum_of_each_run():
     assert rows["kaplan_yorke_low"][2] > 1
 
 
+def test_a_mass_that_comes_to_rest_on_its_stop_forgets_all_and_repeats():
+    """Of Shaw and Holmes' oscillator, after 16 periods, and after hundreds that look like chaos."""
+    stop = hpcsweep.Contact((1.0,), 0.0, math.inf, restitution=0.8)
+    structure = Structure.from_matrices([1.0], [[1.0]], [stop])
+    settings = SweepSettings(classify_cycles=4000, transient_cycles=300)
+    metrics = settings.metrics | {"lyapunov", "lyapunov_spectrum"}
+    for omega, longest in ((2.9125, 16), (2.925, 1000), (4.9, 1000)):
+        runs = FrameRuns(structure, omega, replace(settings, metrics=metrics))
+        rows = runs.follow([1.0], np.zeros(2))
+        points, _ = runs.solver.points(rows["final_state"][0], 1.0, 3000)
+        again = np.flatnonzero((points == points[-1]).all(axis=1))
+        assert longest == 16 == again[-1] - again[-2] or 100 < again[-1] - again[-2] <= longest
+        is_long = longest > 16
+        assert rows["motion"] == (MotionClass.LONG_PERIOD if is_long else MotionClass.PERIODIC)
+        assert rows["lyapunov"] == rows["lyapunov_low"] == -math.inf
+        assert rows["lyapunov_spectrum"].tolist() == [[-math.inf] * 2]
+        assert rows["lyapunov_spectrum_error"].tolist() == [[0.0] * 2]
+        assert rows["kaplan_yorke"] == rows["kaplan_yorke_high"] == 0
+    found = spectrum_of_motion(runs.solver, points[-1], 1.0, 0.01, 1000)
+    assert found.exponents.tolist() == [-math.inf] * 2
+
+
 def test_studies_of_attractors_store_the_spectrum_of_each():
     """A motion without contact, and one of period 5, of which the sum is the same."""
     text = """

@@ -118,13 +118,12 @@ def _threshold(options, results, study) -> int:
     shown = sums | {
         "fractiles": _shown(sums),
         "lost": sums["unknown"] or None,
-        "free": _shown(sums["alone"]) + ", exact" * stripes.proportional
-        if "alone" in sums
-        else None,
         "caution": sums["caution"] or None,
         "beyond_curve": sums["beyond_curve"] if sums.get("beyond_curve", 0.0) > TOLD else None,
         "without": alone_words(study.structure),
     }
+    if "alone" in sums:
+        shown["free"] = _shown(sums["alone"]) + ", exact" * stripes.proportional
     print(listing(title, rows_of(ROWS, shown)))
     return 0
 

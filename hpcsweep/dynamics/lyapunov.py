@@ -97,8 +97,7 @@ def spectrum_of_orbit(solver, points: np.ndarray, amplitude: float) -> LyapunovS
         norm = np.linalg.norm(matrices, 2, axis=(1, 2)).max()
     else:
         sizes, norm, time = np.abs(maps.multipliers), np.linalg.norm(maps.product, 2), p * time
-    exact = sizes > ROUNDED * norm
-    sizes[~exact] = np.nan
+    sizes[sizes <= ROUNDED * norm] = np.nan
     return LyapunovSpectrum.of(np.log(sizes) / time, EPSILON * norm / sizes / time)
 
 
@@ -148,8 +147,7 @@ def spectrum_of_motion(
             continue
         growths = [growth_interval(growth) for growth in aligned(np.concatenate(parts)).T]
         means = np.array([growth.mean for growth in growths]) / time
-        halves = [0.0 if g.mean == -math.inf else g.high - g.mean for g in growths]
-        errors = np.array(halves) / time
+        errors = np.array([0.0 if g.low == g.high else g.high - g.mean for g in growths]) / time
         if done >= max_cycles or np.nanmax(errors, initial=0.0) <= error:
             return LyapunovSpectrum.of(means, errors, done)
         judged = min(math.ceil(GROWTH * judged), max_cycles)

@@ -120,8 +120,7 @@ class Chosen:
         record = self.source.record(i)
         if not self.arias:
             return record
-        grown = arias_shares(record)
-        low, high = np.searchsorted(grown, self.arias)
+        low, high = np.searchsorted(arias_shares(record), self.arias)
         low = max(int(low) - 1, 0)
         return Record(
             record.acceleration[low : max(int(high), low + 1) + 1], record.dt, record.name

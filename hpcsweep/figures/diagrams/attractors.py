@@ -206,7 +206,6 @@ def _intervals(axis, along, frame, index: np.ndarray, first: float, last: float)
     for place in np.unique(index[index >= 0]).tolist():
         row, slot = np.nonzero(index == place)
         at = along[row]
-        colour = palette.MOTION_COLOURS[place]
-        looks = {"color": colour, "clip_on": False, "zorder": 3}
+        looks = {"color": palette.MOTION_COLOURS[place], "clip_on": False, "zorder": 3}
         axis.vlines(at, low[row, slot], high[row, slot], linewidth=0.7, alpha=0.6, **looks)
         axis.plot(at, share[row, slot], linestyle="none", marker="o", markersize=1.8, **looks)

@@ -147,7 +147,10 @@ class ResponseTally(BaseTally):
     def add(self, frame, study: Study) -> None:
         """Count the runs of some records; see `BaseTally.add`."""
         super().add(frame, study)
-        self.grid = grid = as_kind(study, RecordGrid)
+        grid = as_kind(study, RecordGrid)
+        for most in self.largest.values():
+            if "scale_unit" not in most:
+                most["scale"], most["scale_unit"] = grid.intensities(most["scale"])
         self.elastic = max(self.elastic, elastic_drift(frame, study.structure))
         outcome, rule = frame["outcome"].values, frame["skip_rule"].values
         linear = (outcome > 0) & (rule == SkipRule.LINEAR)
@@ -170,11 +173,6 @@ class ResponseTally(BaseTally):
         del counts["periods_per_run"]
         if (collapsed := self.counts["all"].get("collapsed")) is not None:
             counts["collapsed"] = share(collapsed, done)
-        counts["largest"] = {
-            name: most
-            | dict(zip(("scale", "scale_unit"), self.grid.intensities(most["scale"]), strict=True))
-            for name, most in self.largest.items()
-        }
         return counts | {
             "records": sizes["record"],
             "scales": sizes["scale"],

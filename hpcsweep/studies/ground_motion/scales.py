@@ -127,8 +127,7 @@ def read_columns(values: Any, names: Sequence[str]) -> list[tuple[str, tuple[flo
     read = []
     for column in [name for name in (rows[0] if rows else ()) if name != RECORD]:
         if not COLUMN.fullmatch(column):
-            limit = "must be a name of letters, digits and _"
-            raise values.error(key, column, limit)
+            raise values.error(key, column, "must be a name of letters, digits and _")
         if missing := [name for name in names if name not in by_name]:
             raise values.error(key, missing[0], "must be the record of a row, is none")
         read.append(

@@ -189,8 +189,7 @@ def _common(attractors: "Frames", runs: "Frames", sweep: Path) -> list[tuple[int
 def _of_frame(
     attractors: "Frames", runs: "Frames", frame: int, at: int, place: np.ndarray
 ) -> np.ndarray:
-    study = as_kind(attractors.study, RunGrid)
-    units = units_along(study, frame)
+    units = units_along(as_kind(attractors.study, RunGrid), frame)
     names = ("attractor_id", "n_points", "poincare", "outcome")
     sets = {name: values[0] for name, values in attractors.read(frame, names).items()}
     wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))

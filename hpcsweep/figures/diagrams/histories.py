@@ -136,8 +136,7 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
             for i, sample in counted(enumerate(samples), n, doing):
                 factor = float(study.factor[i, at])
                 motion = of, sample, periods, ratio, factor, study.tail
-                of_one = floor_spectra(*motion, places=[place])
-                made.append(of_one.acceleration[0])
+                made.append(floor_spectra(*motion, places=[place]).acceleration[0])
             return np.array(made)
 
         acceleration = spectra(structure)

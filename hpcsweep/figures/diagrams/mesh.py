@@ -215,8 +215,7 @@ def finish(axes, results, cells: bool | None = None) -> None:
 def map_keys(results) -> list:
     """Return the legend keys of the grazing curve, where it crosses the map, and special points."""
     omega, across = results["omega"].values, amplitudes(results)
-    structure = style.structure_of(results)
-    reached, _ = _curve(structure, omega.min(), omega.max())
+    reached, _ = _curve(style.structure_of(results), omega.min(), omega.max())
     crosses = ((across.min() <= reached) & (reached <= across.max())).any()
     return [*([grazing_key()] if crosses else []), *special_keys(results)]
 

@@ -174,8 +174,7 @@ def benefit(results, **_options):
     PlotError
         If the file does not hold the variables to draw.
     """
-    structure = style.structure_of(results)
-    style.demand(LINEAR, structure, "--kind benefit", "map")
+    style.demand(LINEAR, style.structure_of(results), "--kind benefit", "map")
     style.need(results, "drift", "contact")
     if not tells_chaos(results):
         style.need(results, "lyapunov")

@@ -254,8 +254,7 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
         axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
     caption = style.caption(results, more=labels.path_words(study, results))
-    title = f"{caption},  {style.words_of(results)}"
-    return style.head(figure, title, fontsize=8.5)
+    return style.head(figure, f"{caption},  {style.words_of(results)}", fontsize=8.5)
 
 
 def choose(omegas: np.ndarray) -> np.ndarray:

@@ -172,8 +172,7 @@ def window_class(seen: Observation, period: int) -> MotionClass:
         return MotionClass.NO_CONTACT
     if period:
         return MotionClass.PERIODIC
-    chaotic = seen.growth > CHAOS_GROWTH
-    return MotionClass.CHAOTIC if chaotic else MotionClass.UNDECIDED
+    return MotionClass.CHAOTIC if seen.growth > CHAOS_GROWTH else MotionClass.UNDECIDED
 
 
 def _classify_known(

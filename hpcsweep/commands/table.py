@@ -211,7 +211,7 @@ def _units(frames, wanted: dict[str, Column]) -> dict[str, str]:
     kinds |= {name: entry.units for name, entry in study.coordinates.items()}
     kinds |= {entry.name: entry.units for axis in study.axes for entry in axis.keys}
     units = {name: unit_of(study.structure, unit) for name, unit in kinds.items()}
-    if "scale" in units:
+    if "scale" in study.run_dims:
         units["scale"] = frames.study.intensities(1.0)[1]
     units |= {name: entry.unit for name, entry in wanted.items()}
     return {name: f" [{unit}]" for name, unit in units.items() if unit not in ("1", "")}

@@ -5,11 +5,10 @@ matrices; states after 30 periods. A case that differs by more than 1e-10 is tol
 motion makes of a state that is 1e-13 away. Usage: elements.py [--cases N] [--first N] [KIND ...]
 """
 
-import argparse
 import sys
 
 import numpy as np
-from exponentials import Law, Motion
+from exponentials import Law, Motion, asked
 
 import hpcsweep
 
@@ -139,16 +138,12 @@ def growth(made):
 
 def main() -> int:
     """Compare random cases; print those that differ, and return 1 if one is not its own fault."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kinds", nargs="*", default=KINDS)
-    parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    given = parser.parse_args()
+    kinds, seeds = asked(__doc__, KINDS)
     failed = False
     print("kind        cases  within 1e-10  median    worst  growth there  events", flush=True)
-    for kind in given.kinds:
+    for kind in kinds:
         errors, events, made_of = [], 0, 1.0
-        for seed in range(given.first, given.first + given.cases):
+        for seed in seeds:
             made = case(kind, seed)
             followed = motion(made)
             for _ in range(PERIODS):

@@ -13,6 +13,7 @@ x > 0 and k x + c x' > 0, or with tension where x > 0; rigid stops; sliders (b, 
 a belt).
 """
 
+import argparse
 import math
 from copy import copy
 from dataclasses import dataclass, field
@@ -31,6 +32,16 @@ SLOW = 1e-9
 """Speed after an impact of a stop with which it rests: it would rise by some 1e-18."""
 PI = REAL("3.14159265358979323846264338327950288")
 OPEN, PUSHING, LET_GO, RESTING = range(4)
+
+
+def asked(told, kinds):
+    """Return the kinds of cases that a command is asked for, and their seeds."""
+    parser = argparse.ArgumentParser(description=told)
+    parser.add_argument("kinds", nargs="*", default=kinds)
+    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    return given.kinds, range(given.first, given.first + given.cases)
 
 
 def real(values):

@@ -6,12 +6,11 @@ harmonics over the sixth period from rest, against Gauss' rule and the zeros of 
 `exponentials`. Usage: what_rows_do.py [--cases N] [--first N] [KIND ...]
 """
 
-import argparse
 import math
 import sys
 
 import numpy as np
-from exponentials import REAL, Law, Motion, Series, real, root, value
+from exponentials import REAL, Law, Motion, Series, asked, real, root, value
 
 import hpcsweep
 from hpcsweep.solvers.solver import make_solver
@@ -116,16 +115,12 @@ def compare(kind, seed):
 
 def main() -> int:
     """Print the largest differences; return 1 if one is above 1e-10."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kinds", nargs="*", default=KINDS)
-    parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    given = parser.parse_args()
+    kinds, seeds = asked(__doc__, KINDS)
     failed = False
     print("kind       cases  act  refused      low     high     half     mean      rms  harmonics")
-    for kind in given.kinds:
+    for kind in kinds:
         errors, acted, refused = [], 0, 0
-        for seed in range(given.first, given.first + given.cases):
+        for seed in seeds:
             try:
                 found, events = compare(kind, seed)
             except ArithmeticError as error:

@@ -147,7 +147,7 @@ def spectrum_of_motion(
             continue
         growths = [growth_interval(growth) for growth in aligned(np.concatenate(parts)).T]
         means = np.array([growth.mean for growth in growths]) / time
-        errors = np.array([0.0 if g.low == g.high else g.high - g.mean for g in growths]) / time
+        errors = np.array([0.0 if g.mean == -math.inf else g.high - g.mean for g in growths]) / time
         if done >= max_cycles or np.nanmax(errors, initial=0.0) <= error:
             return LyapunovSpectrum.of(means, errors, done)
         judged = min(math.ceil(GROWTH * judged), max_cycles)

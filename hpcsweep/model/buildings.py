@@ -202,8 +202,8 @@ class Building:
             sliders=[replace(s, direction=np.dot(s.direction, kept)) for s in fixed.sliders],
             collapse_drift=fixed.collapse_drift,
         )
-        names = (*fixed.floor_names, *map(floor_name, heights))
-        return made.named(names, (), *fixed.names[2:3], fixed.floor_names, fixed.names.taken)
+        floors, names = (*fixed.floor_names, *map(floor_name, heights)), fixed.names
+        return made.named(floors, (), names.storey_heights, fixed.floor_names, names.taken)
 
     @property
     def heights(self) -> tuple[float, ...]:

@@ -184,9 +184,10 @@ def locate(
         except NotConvergedError:
             if chord.length > singular:
                 raise
-            y = Chord(curve, first, last).ahead(place)
+            whole = Chord(curve, first, last)
+            y = whole.ahead(place)
             with contextlib.suppress(NotConvergedError):
-                y = _root_beside(curve, Chord(curve, first, last), place, test)
+                y = _root_beside(curve, whole, place, test)
             return last._replace(y=y), place
         value = test(point)
         if (value < 0) != (high_value < 0):

@@ -148,9 +148,6 @@ class ResponseTally(BaseTally):
         """Count the runs of some records; see `BaseTally.add`."""
         super().add(frame, study)
         grid = as_kind(study, RecordGrid)
-        for most in self.largest.values():
-            if "scale_unit" not in most:
-                most["scale"], most["scale_unit"] = grid.intensities(most["scale"])
         self.elastic = max(self.elastic, elastic_drift(frame, study.structure))
         outcome, rule = frame["outcome"].values, frame["skip_rule"].values
         linear = (outcome > 0) & (rule == SkipRule.LINEAR)
@@ -171,6 +168,12 @@ class ResponseTally(BaseTally):
         linear, touching = (self.counts["all"][name] for name in ("linear", "touching"))
         different, counts = len(self.counts["ratios"]), super().summary()
         del counts["periods_per_run"]
+        grid = as_kind(self._study, RecordGrid)
+        units = "scale", "scale_unit"
+        counts["largest"] = {
+            name: most | dict(zip(units, grid.intensities(most["scale"]), strict=True))
+            for name, most in self.largest.items()
+        }
         if (collapsed := self.counts["all"].get("collapsed")) is not None:
             counts["collapsed"] = share(collapsed, done)
         return counts | {

@@ -34,11 +34,12 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.job import load_job as load_job
     from hpcsweep.job.model_files import read_model as read_model
     from hpcsweep.model.adjacent import adjacent as adjacent
+    from hpcsweep.model.backbone import Backbone as Backbone
     from hpcsweep.model.buildings import Building as Building
     from hpcsweep.model.isolation import Isolation as Isolation
     from hpcsweep.model.matrices import Contact as Contact
-    from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
+    from hpcsweep.model.slider import Slider as Slider
     from hpcsweep.model.soil import Soil as Soil
     from hpcsweep.model.springs import Spring as Spring
     from hpcsweep.model.structure import Structure as Structure

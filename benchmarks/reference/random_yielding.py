@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from yielding import SmoothYielding, Yielding
 
-from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.record import Record
+from hpcsweep.model.slider import Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.response import response
 

@@ -23,8 +23,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from yielding import Yielding
 
-from hpcsweep.model.matrices import Slider
 from hpcsweep.model.record import Record
+from hpcsweep.model.slider import Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.response import response
 

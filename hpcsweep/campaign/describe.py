@@ -177,6 +177,7 @@ def _sliders(structure) -> list[str]:
         f"{slider.limit:.6g}{length}"
         f"{f', then with {slider.slips:.6g}{force}' if slider.kinetic else ''}"
         f"{'' if slider.returns is None else f', back at {slider.returns:.6g}{force}'}"
+        f"{'' if slider.backbone is None else f', degrades: {slider.backbone}'}"
         for name, slider in zip(structure.slider_names, structure.sliders, strict=True)
     ]
 

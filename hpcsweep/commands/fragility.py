@@ -194,7 +194,7 @@ def _demands(options, results, study) -> int:
 
     from hpcsweep.earthquakes.demands import write_demands
     from hpcsweep.figures.diagrams.responses import at_scale, scale_index
-    from hpcsweep.studies.ground_motion.stripes import spectral_accelerations
+    from hpcsweep.studies.ground_motion.stripes import fallen, spectral_accelerations
 
     beside = options.demands.with_suffix(".json")
     check_overwriting(options.demands, DEMANDS)
@@ -222,7 +222,7 @@ def _demands(options, results, study) -> int:
     stands = np.ones(factor.shape, bool)
     if "collapsed" in runs:
         check_overwriting(beside, COLLAPSES)
-        stands = runs["collapsed"].values == 0
+        stands = ~fallen(runs)
     if not stands.any():
         raise CommandError(f"{options.file}: all records collapse at {where}: none has demands")
     columns = {name: values[stands] for name, values in columns.items()}
@@ -237,10 +237,10 @@ def _demands(options, results, study) -> int:
         columns["spectral_acceleration"] = {period: (factor * spectral / g)[stands]}
     if "collapsed" in runs:
         fragility = _collapses(results, study, period, spectral)
-        fallen = listed[~stands].tolist()
-        notes.append(f"{len(fallen)} of {stands.size} runs collapse, see {beside.name}")
+        names_of = listed[~stands].tolist()
+        notes.append(f"{len(names_of)} of {stands.size} runs collapse, see {beside.name}")
         with writing(beside):
-            told = {"CollapseFragility": fragility, "unit": "mps2", "collapsed": fallen}
+            told = {"CollapseFragility": fragility, "unit": "mps2", "collapsed": names_of}
             beside.write_text(json.dumps(told, indent=1) + "\n")
     note, records = "; ".join(notes), listed[stands].tolist()
     write_demands(options.demands, **columns, unit="g", records=records, note=note)

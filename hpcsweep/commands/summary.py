@@ -56,6 +56,7 @@ linear | {below_contact:share}, nothing touches or slips
 of equal ratio | {equal_ratio:share}
 with contact | {with_contact:share}
 collapsed | {collapsed:share}
+strength lost | {strength_lost:share}, of some storey or slider
 storeys | {elastic_storeys}
 periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
 rules: skip rule {key} | {value:share}

@@ -87,6 +87,13 @@ STRUCTURE: Tables = {
         ),
         Key("flag_height", "of [flags](yielding.md#storeys-that-spring-back), from 0 to 1", 0.0),
         Key(
+            "backbone",
+            "table of storeys that [degrade](yielding.md#storeys-that-degrade): `theta_p`, "
+            "`theta_pc`, and if wanted `theta_u`, `residual`, `Lambda`, `rule`, `kappa_f`, "
+            "`kappa_d`; each a value, or a list of n",
+            told="none degrades",
+        ),
+        Key(
             "p_delta",
             "whether the weight above each storey over its height is taken from its stiffness "
             "([how](yielding.md#p-delta-and-collapse))",
@@ -133,7 +140,8 @@ STRUCTURE: Tables = {
             "slider",
             "tables `[[structure.slider]]` that go with matrices or a model, of springs that yield "
             "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`, and "
-            "`kinetic`, the strength while it slips, or `returns`, that at which it slips back",
+            "`kinetic`, the strength while it slips, `returns`, that at which it slips back, or "
+            "`backbone`, a table of how it [degrades](yielding.md#storeys-that-degrade)",
         ),
         Key(
             "spring",
@@ -220,7 +228,8 @@ KEYS: Tables = {
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
             "`rayleigh`, `storey_damping`, `name` "
             "([how](structures.md#buildings-that-pound-each-other)), "
-            "`yield_drift` or `yield_force`, `hardening`, `flag_height`, `p_delta`, `weight` and "
+            "`yield_drift` or `yield_force`, `hardening`, `flag_height`, `backbone`, `p_delta`, "
+            "`weight` and "
             "`collapse_drift` ([storeys that yield](yielding.md)), and tables "
             "`[building.isolation]` ([base isolation](yielding.md#base-isolation)), "
             "`[building.column]` ([columns that are hit](structures.md#floors-that-hit-columns)) "
@@ -316,7 +325,8 @@ UNITS = {
     **{"period": "time", "slab_mass": "mass", "stiffness": "stiffness", "radius": "length"},
     **{"strength": "force", "initial_stiffness": "stiffness", "wall_stiffness": "stiffness"},
     **{"sway_stiffness": "stiffness", "rocking_stiffness": "energy", "sway_damping": "damping"},
-    **{"sway_strength": "force", "rocking_strength": "energy"},
+    **{"sway_strength": "force", "rocking_strength": "energy", "theta_p": "length"},
+    **{"theta_pc": "length", "theta_u": "length", "Lambda": "length"},
 }
 """Quantity of a key of a structure, a building, a contact, a slider or bearings, by its name."""
 

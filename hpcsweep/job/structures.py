@@ -23,8 +23,9 @@ from hpcsweep.model.adjacent import adjacent
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column
 from hpcsweep.model.isolation import Isolation
-from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.reduced import Reduced, elements_of
+from hpcsweep.model.slider import MAX_LABEL, Slider
 from hpcsweep.model.soil import Soil
 from hpcsweep.model.springs import Spring
 from hpcsweep.model.structure import Structure

@@ -1,7 +1,9 @@
 """Structures, their contact law and their equations of motion."""
 
 KERNELS = (
+    "backbone.py",
     "contact.py",
+    "degrading.py",
     "elements.py",
     "equations.py",
     "kernel_contacts.py",

@@ -14,9 +14,10 @@ from hpcsweep.model.arguments import instance, items, wrong
 from hpcsweep.model.buildings import Building, floor_name
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, each, vector
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.plausibility import heights_apart
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.vectors import each, vector
 
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""

@@ -9,17 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.arguments import instance, number, plain, refused, wrong
+from hpcsweep.model.backbone import Backbone, read_backbones
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
-from hpcsweep.model.matrices import each, vector
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.soil import Soil
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import COLUMN
+from hpcsweep.model.vectors import each, vector
 
 OF_STOREYS = (
     *("mass", "storey_stiffness", "damping_ratio", "rayleigh", "storey_damping", "yield_force"),
     *("yield_drift", "hardening", "p_delta", "weight", "storey_height", "collapse_drift"),
-    "flag_height",
+    *("flag_height", "backbone"),
 )
 """What a building and its structure on a fixed base have under the same names."""
 
@@ -67,6 +68,8 @@ class Building:
         Stiffness of a storey that yields over that before, from -0.1 to below 1.
     flag_height : float or sequence of n floats
         Of storeys that spring back, as of `hpcsweep.model.structure.Structure`.
+    backbone : Backbone, dict or sequence of n, optional
+        Of storeys that degrade, likewise.
     p_delta : bool
         Whether the weight above each storey over its height is taken from its stiffness, see
         `hpcsweep.model.system`. A `period` is that without.
@@ -112,6 +115,7 @@ class Building:
     column: Column | Mapping[str, float] | None = None
     soil: Soil | None = None
     flag_height: float | Sequence[float] = 0.0
+    backbone: Backbone | Mapping[str, Any] | Sequence[Backbone | None] | None = None
 
     def __post_init__(self) -> None:
         mass = plain(self.mass)
@@ -121,6 +125,9 @@ class Building:
         object.__setattr__(self, "mass", masses)
         rayleigh = read_rayleigh("building.rayleigh", self.rayleigh, self.n_floors)
         object.__setattr__(self, "rayleigh", rayleigh)
+        if self.backbone is not None:
+            read = read_backbones("building.backbone", self.backbone, self.n_floors)
+            object.__setattr__(self, "backbone", read)
         if self.storey_height is not None:
             heights = each("building.storey_height", self.storey_height, self.n_floors, "mass")
             if min(heights) <= 0:

@@ -27,7 +27,10 @@ Contact k: x = d_k . u - gap_k is the distance past its stop, and it pushes with
 stiffness_k S(x) x, S(x) = 1 / (1 + exp(-sharpness x)), with an infinite sharpness S = 1 where x > \
 0 and else 0; with a damping c F_k = stiffness_k x + c x' where x > 0, which without tension is at \
 least 0. Slider j of stiffness k_j, whose spring K holds: |k_j (b_j . u - p_j)| <= strength_j; p_j \
-rests, and while the limit is reached follows b_j . u.{rigid}"""
+rests, and while the limit is reached follows b_j . u.{more}"""
+DEGRADES = """\
+ Of one with a backbone k_j p_j = k_j b_j . u - f_j, with its force f_j by the rules of Ibarra, \
+Medina and Krawinkler (2005), see hpcsweep.Backbone."""
 RIGID = """\
  Of an infinite stiffness_k x is at most 0: where it reaches 0, d_k . u' becomes -restitution \
 times what it was, by an impulse along -d_k; while that is 0 a reaction along -d_k may hold it."""
@@ -50,6 +53,12 @@ def contacts_named(structure: Structure) -> str:
     """Name the contacts behind the numbers of contact sets; empty where they have no names."""
     named = structure.contact_names.items() if structure.names.contacts else ()
     return ", ".join(f"{number} is {name}" for number, name in named)
+
+
+def motion(structure: Structure, forcing: str) -> str:
+    """Return the equation of motion in words."""
+    more = DEGRADES * any(slider.backbone is not None for slider in structure.sliders)
+    return MOTION.format(forcing=forcing, more=more + RIGID * bool(structure.is_rigid.any()))
 
 
 def describe(structure: Structure) -> dict:

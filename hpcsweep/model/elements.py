@@ -26,6 +26,8 @@ one march (`hpcsweep.solvers.flow.guard.elements`) serves all:
   (the bit of its mode), so that the matrix does not depend on which way it slips. The force is
   -k y + k q, q = p, and while it slips k q alone, q = -+delta;
 - a flag, a slider that slips back home (`flags`);
+- a slider that degrades, whose lines follow from a memory (`degrading`): held between two of them,
+  going up or down, or without force;
 - a limit of a drift, +-c, without a force: its guards, y beyond c and below -c, end the motion.
 
 The force of a slider is continuous, and so is that of a contact but for its dashpot, which jumps
@@ -36,6 +38,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.backbone import SIZE
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, wide
 from hpcsweep.model.kernel_contacts import SPRING as LAW
 from hpcsweep.model.modes import per_mass
@@ -43,7 +46,10 @@ from hpcsweep.model.structure import Structure
 
 SIGN, SPRING, SPEED, LEVEL, SHARE, TAKES, SHIFT, ENDS = range(8)
 """Columns of `Elements.guard`: s, a, b, c, r; 1 where p = y + `SHIFT` is taken; 1 where the motion
-ends, and the path of the element is the time."""
+ends, and the path of the element is the time. Where a slider degrades -1 is taken."""
+OWNER, AFTER, HELD = range(3)
+"""Columns of `Elements.ways`: the element of a guard, the mode to which it leads, and where p is
+among the states: that of the element, or in its memory."""
 OPEN, PUSHING, LET_GO = range(3)
 """Modes of a contact, in order."""
 WITHIN = LET_GO
@@ -66,10 +72,8 @@ class Elements(NamedTuple):
     """(M + 1,) int: first guard of each mode."""
     guard: np.ndarray
     """(G, 8): see `SIGN`."""
-    owner: np.ndarray
-    """(G,) int: the element of each guard ..."""
-    after: np.ndarray
-    """... and the mode to which it leads."""
+    ways: np.ndarray
+    """(G, 3) int: see `OWNER`."""
     drifts: int
     """The element from which on they are all drifts, in order; -1 if they are not."""
     stiffness: np.ndarray
@@ -107,7 +111,11 @@ class _Table:
         ends = [*self.first, len(self.modes)]
         of_mode = [e for e in range(len(self.rows)) for _ in range(ends[e], ends[e + 1])]
         owner = [of_mode[m] for m, guards in enumerate(self.guards) for _ in guards]
-        columns = [(*guard[1:], *(8 - len(guard[1:])) * [0.0]) for guard in listed]
+        columns = [(*guard[1:9], *(9 - len(guard)) * [0.0]) for guard in listed]
+        count, ways = len(self.rows), []
+        for e, guard in zip(owner, listed, strict=True):
+            behind = count + SIZE * (e - count + len(sliders[0]))
+            ways.append((e, self.first[e] + guard[0], behind + guard[9] if guard[9:] else e))
         return Elements(
             np.array(self.rows, np.int64).reshape(-1, 2),
             np.array(self.first, np.int64),
@@ -115,8 +123,7 @@ class _Table:
             np.array([mode[2:] for mode in self.modes], float).reshape(-1, 2),
             np.cumsum([0, *map(len, self.guards)]).astype(np.int64),
             np.array(columns, float).reshape(-1, 8),
-            np.array(owner, np.int64),
-            np.array([self.first[e] + g[0] for e, g in zip(owner, listed, strict=True)], np.int64),
+            np.array(ways, np.int64).reshape(-1, 3),
             drifts,
             *sliders,
         )
@@ -159,9 +166,8 @@ def kernel_elements(
     stiffness = np.array([slider.taken for slider in sliders], float) * softness / rate**2
     kick = per_mass(structure.mass_matrix, directions.T).T / softness.reshape(-1, 1)
     same = slides and [slide[:2] for slide in slides] == drifts
-    return table.packed(
-        len(table.rows) - len(slides) if same else -1, stiffness, directions, wide(kick, extra)
-    )
+    first = len(table.rows) - len(slides) if same else -1
+    return table.packed(first, stiffness, directions, wide(kick, extra))
 
 
 def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:

@@ -38,7 +38,9 @@ def pressed(structure) -> np.ndarray:
     return (structure.gaps < 0.0) & (structure.contact_stiffness > 0.0)
 
 
-def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarray:
+def static_equilibrium(
+    structure, plastic: np.ndarray | None = None, share: np.ndarray | None = None
+) -> np.ndarray:
     """Return the displacements at which a structure rests on its contacts, shape (n,).
 
     Exactly 0 if no contact is pressed and no slider has slipped.
@@ -48,6 +50,8 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
     structure : Structure
     plastic : ndarray, shape (L,), optional
         Lasting elongations p of the sliders, which stick: the loads k p.
+    share : ndarray, shape (L,), optional
+        Part of k that each slider still has; 1 unless given. NaN where K is then not definite.
 
     Raises
     ------
@@ -55,22 +59,30 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
         If it is not found.
     """
     load = np.zeros(structure.n_floors)
-    for slider, p in zip(structure.sliders, () if plastic is None else plastic, strict=False):
-        load += slider.stiffness * p * np.array(slider.direction)
-    u = np.linalg.solve(structure.held_stiffness, load) if load.any() else load
+    stiffness, held = structure.stiffness_matrix, structure.held_stiffness
+    if plastic is not None:
+        spring = np.array([slider.stiffness for slider in structure.sliders])
+        share = np.ones(len(spring)) if share is None else share
+        load = (spring * share * plastic) @ structure.slider_directions
+        if (share != 1.0).any():
+            less = structure.of_sliders(spring * (1.0 - share))
+            stiffness, held = stiffness - less, held - less
+            if np.linalg.eigvalsh(held)[0] <= ROUNDED * np.trace(structure.stiffness_matrix):
+                return np.full(structure.n_floors, np.nan)
+    u = np.linalg.solve(held, load) if load.any() else load
     is_closed = structure.directions @ u > np.maximum(structure.gaps, 0.0)
     if not pressed(structure).any() and not is_closed.any():
         return u
     for rho in dict.fromkeys((np.inf, structure.sharpness)):
-        u = _solved(structure, rho, u, load)
+        u = _solved(structure, stiffness, rho, u, load)
     return u
 
 
-def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarray:
+def _solved(structure, stiffness, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarray:
     """Solve r = 0 for contacts of sharpness rho, from u on."""
     from scipy.optimize import brentq  # takes 0.2 s to load, and few contacts are pressed
 
-    stiffness, rows = structure.stiffness_matrix, structure.directions
+    rows = structure.directions
     kappa, gaps = structure.contact_stiffness, structure.gaps
 
     def law(u):

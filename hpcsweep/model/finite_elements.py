@@ -8,11 +8,12 @@ import numpy as np
 
 from hpcsweep.model import reduction
 from hpcsweep.model.arguments import items, refused, wrong
-from hpcsweep.model.matrices import MAX_ROWS, is_named, shares_of, vector
+from hpcsweep.model.matrices import MAX_ROWS
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.rigid import springs_of
 from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.vectors import is_named, shares_of, vector
 
 MAX_REDUCED = 64
 """Rows of a reduced model."""

@@ -14,7 +14,7 @@ of which the flag takes the former, and gives the latter back.
 def flag_modes(key: int, out: float, back: float) -> list[tuple[tuple, list[tuple]]]:
     """Return the modes of a flag that slips at elongations `out` and `back`, those at home first.
 
-    To each side it slips out, sticks and slips back, see `hpcsweep.model.matrices.Slider.modes`.
+    To each side it slips out, sticks and slips back, see `hpcsweep.model.slider.Slider.modes`.
     """
     home = [(1, 1.0, 1.0, 0.0, out), (4, -1.0, 1.0, 0.0, -out)]
     modes: list[tuple[tuple, list[tuple]]] = [((0, 0, 0.0, 0.0), [*home])]

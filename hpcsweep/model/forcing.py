@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import finite, items, number, refused, wrong
-from hpcsweep.model.matrices import vector
+from hpcsweep.model.vectors import vector
 
 MAX_HARMONICS = 16
 MAX_ORDER = 1000

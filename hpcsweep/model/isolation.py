@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import number, wrong
-from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.modes import longest_period
+from hpcsweep.model.slider import Slider
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12

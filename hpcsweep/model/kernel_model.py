@@ -257,7 +257,7 @@ def _growth(structure: Structure, drag: float) -> float:
     if not structure.sliders and not softer.any():
         return 0.0
     root = np.linalg.cholesky(structure.mass_matrix)
-    soft = structure.elastic_stiffness + rows.T @ (softer[:, None] * rows)
+    soft = structure.softest_stiffness + rows.T @ (softer[:, None] * rows)
     half = np.linalg.solve(root, soft) / structure.frequency_unit**2
     least = float(np.linalg.eigvalsh(np.linalg.solve(root, half.T).T)[0])
     return 0.5 * (drag + float(np.sqrt(drag**2 - 4.0 * least))) if least < 0.0 else 0.0

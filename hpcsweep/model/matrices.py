@@ -8,7 +8,6 @@ A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from numbers import Real
 from typing import Any
@@ -16,115 +15,26 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model import arguments
-from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
+from hpcsweep.model.arguments import finite, not_negative, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 from hpcsweep.model.definite import check_damping
-from hpcsweep.model.flags import flag_modes
 from hpcsweep.model.rigid import read_bounce
+from hpcsweep.model.slider import Slider
+from hpcsweep.model.vectors import (
+    Matrix,
+    Vector,
+    direction_of,
+    is_named,
+    listed,
+    matrix,
+    vector,
+)
 
 MAX_FLOORS = 64
 """Storeys of a building before stops: each may have one."""
 MAX_ROWS = 512
-MAX_LABEL = 100
-"""Characters of a name."""
 MAX_CONTACTS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
-
-Vector = tuple[float, ...]
-Matrix = tuple[Vector, ...]
-Shares = tuple[tuple[str, float], ...]
-"""Names of coordinates of a model, each with its share of a direction."""
-
-
-def vector(
-    name: str,
-    value: Any,
-    size: int | None,
-    what: str = "entries",
-    parts: Sequence[str] = (),
-    read: Callable[[str, Any], float] = number,
-) -> Vector:
-    """Read a sequence of numbers, of a given size if not None; `parts` are names of its entries."""
-    listed = _listed(value)
-    if listed is None:
-        raise refused(name, "a list of numbers", value)
-    if size is not None and len(listed) != size:
-        raise wrong(name, f"must have {size} {what}, has {len(listed)}")
-    names = [f"{name}.{part}" for part in parts] or [name] * len(listed)
-    return tuple(map(read, names, listed))
-
-
-def one_or_each(
-    name: str, value: Any, count: int, what: str, limits: tuple[str, float, float]
-) -> float | Vector:
-    """Read one number, or a sequence with one for each of `count`, within limits."""
-    value = arguments.plain(value)
-    if not hasattr(value, "__len__") or isinstance(value, str | bytes):
-        return number(name, value, *limits)
-
-    words = f"numbers, one per {what}"
-    return vector(name, value, count, words, read=lambda part, entry: number(part, entry, *limits))
-
-
-def each(name: str, value: Any, count: int, what: str) -> Vector:
-    """Read a number for each of `count`, from one number or a sequence."""
-    value = arguments.plain(value)
-    if hasattr(value, "__len__"):
-        return vector(name, value, count, f"numbers, one per {what}")
-    return (number(name, value),) * count
-
-
-def matrix(name: str, value: Any, shape: tuple[int | None, int | None]) -> Matrix:
-    """Read a matrix of finite numbers, row by row."""
-    if isinstance(value, np.ndarray) and value.dtype == float and value.ndim == 2 and value.size:
-        sizes = tuple(size or len(value) for size in shape)
-        if value.shape == sizes and np.isfinite(value).all():
-            return tuple(map(tuple, value.tolist()))
-    rows = _listed(value)
-    if rows is None or not rows or any(_listed(row) is None for row in rows):
-        raise refused(name, "a list of rows of numbers", value)
-    n_rows, n_columns = shape
-    if n_rows is not None and len(rows) != n_rows:
-        raise wrong(name, f"must have {n_rows} rows, one per mass, has {len(rows)}")
-    width = len(rows) if n_columns is None else n_columns
-    return tuple(vector(name, row, width, "entries in each row", read=finite) for row in rows)
-
-
-def _direction(name: str, direction: Any, refusal: str) -> Any:
-    """Read a direction that is not 0: numbers, or names of coordinates of a model, as `Shares`."""
-    direction = shares_of(direction)
-    if is_named(direction):
-        read: Any = tuple((key, finite(f"{name}.{key}", value)) for key, value in direction)
-        sizes = tuple(share for _, share in read)
-    else:
-        read = sizes = vector(name, direction, None, read=finite)
-    if not any(sizes):
-        raise wrong(name, f"must not be 0: {refusal}")
-    return read
-
-
-def shares_of(direction: Any) -> Any:
-    """Return a direction that names coordinates of a model as `Shares`, another one unchanged."""
-    if isinstance(direction, str | int) and not isinstance(direction, bool):
-        name = str(direction)
-        direction = {name.removeprefix("-"): -1.0 if name.startswith("-") else 1.0}
-    if isinstance(direction, Mapping):
-        return tuple((str(key), share) for key, share in direction.items())
-    return direction
-
-
-def is_named(direction: Any) -> bool:
-    """Return whether a direction names coordinates of a model."""
-    return isinstance(direction, tuple) and bool(direction) and isinstance(direction[0], tuple)
-
-
-def _listed(value: Any) -> list | None:
-    """Return the items of a sequence, or None if it is not one; a set has no order."""
-    if np.ma.is_masked(value):
-        return None
-    if isinstance(value, np.ndarray):
-        return list(value) if value.ndim else None
-    return list(value) if isinstance(value, list | tuple) else None
 
 
 @dataclass(frozen=True)
@@ -177,7 +87,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         refusal = "such a contact can never be reached"
-        direction = _direction("contact.direction", self.direction, refusal)
+        direction = direction_of("contact.direction", self.direction, refusal)
         object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         object.__setattr__(self, "stiffness", self._read_stiffness())
@@ -220,130 +130,6 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Slider:
-    """A spring in series with a slider, which slips where the force reaches its strength.
-
-    The force is k (d - p), d = b . u, with |k (d - p)| <= F; while it slips p follows d, so that
-    F stays. Rest is p = 0. Beside an elastic spring of stiffness alpha k0 a slider with k =
-    (1 - alpha) k0 and F = (1 - alpha) f_y makes a bilinear spring of initial stiffness k0 that
-    yields at the force f_y, with kinematic hardening; several in parallel, any backbone. See
-    `hpcsweep.model.elements`. Units are those of the structure that it belongs to.
-
-    Parameters
-    ----------
-    direction : sequence of n floats, str, int or dict
-        b: the displacement that lengthens it by 1, not 0; of a model as that of a `Contact`.
-    stiffness : float
-        k > 0.
-    strength : float
-        F > 0.
-    name : str, optional
-    kinetic : float, optional
-        Force with which it slips, above 0 and at most F, at which it begins to; F unless given.
-    returns : float, optional
-        Force R, from 0 to below F, at which p slips back to 0, see `hpcsweep.model.flags`.
-
-    Raises
-    ------
-    ValueError
-        If a value is of the wrong kind or outside its range; the message names it.
-
-    References
-    ----------
-    Iwan, Journal of Applied Mechanics 33 (1966) 893, of several in parallel.
-
-    Examples
-    --------
-    The second of two storeys yields at a drift of 20 mm:
-
-    >>> slider = hpcsweep.Slider(direction=(-1.0, 1.0), stiffness=1e7, strength=2e5)
-    >>> slider.strength / slider.stiffness
-    0.02
-    """
-
-    direction: Vector
-    stiffness: float
-    strength: float
-    name: str | None = None
-    kinetic: float | None = field(default=None, metadata={"later": True})
-    returns: float | None = field(default=None, metadata={"later": True})
-
-    def __post_init__(self) -> None:
-        direction = _direction("slider.direction", self.direction, "such a slider is never moved")
-        object.__setattr__(self, "direction", direction)
-        for name in ("stiffness", "strength"):
-            object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
-        kinetic = "kinetic", "above 0, and at most", math.ulp(0.0), self.strength
-        returns = "returns", "from 0 to below", 0.0, math.nextafter(self.strength, 0.0)
-        for name, limit, least, most in (kinetic, returns):
-            if (value := getattr(self, name)) is not None:
-                limits = f"{limit} strength, {self.strength:g}", least, most
-                object.__setattr__(self, name, number(f"slider.{name}", value, *limits))
-        if self.returns is not None and self.kinetic is not None:
-            raise wrong("slider.returns", "and kinetic must not be given both")
-        name = self.name if isinstance(self.name, str) else ""
-        if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
-            limit = f"a text of up to {MAX_LABEL} characters that can be printed"
-            raise refused("slider.name", limit, self.name)
-
-    @property
-    def spring(self) -> float:
-        """Stiffness that K has of it in its first mode."""
-        return self.stiffness
-
-    @property
-    def limit(self) -> float:
-        """Elongation F / k at which it first slips."""
-        return self.strength / self.stiffness
-
-    @property
-    def slips(self) -> float:
-        """Force with which it slips."""
-        return self.strength if self.kinetic is None else self.kinetic
-
-    @property
-    def shares(self) -> tuple[float, float]:
-        """Energy that it takes for each unit of its path, and holds for each of p."""
-        back = -self.slips if self.returns is None else self.returns
-        return 0.5 * (self.slips - back), 0.5 * (self.slips + back)
-
-    @property
-    def lost(self) -> float:
-        """Energy (F - F_k)^2 / 2 k that it takes besides F_k times its path, when it slips."""
-        return (self.strength - self.slips) ** 2 / (2.0 * self.stiffness)
-
-    @property
-    def taken(self) -> float:
-        """Stiffness that its bit takes out of that matrix, and unit of its loads."""
-        return self.stiffness
-
-    def modes(self, bit: int, length: float) -> list[tuple[tuple, list[tuple]]]:
-        """Return its modes with their guards, see `hpcsweep.model.elements`.
-
-        Of each mode past, key, and the load, a constant and the share of p; of each guard the mode
-        to which it leads, s, a, b, c, r, and where p is taken 1 and the shift.
-
-        Parameters
-        ----------
-        bit : int
-            Of the key, where it slips.
-        length : float
-            Unit of length.
-        """
-        limit, delta = self.limit / length, self.slips / self.stiffness / length
-        up = (0, -1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, -delta)
-        down = (0, 1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, delta)
-        sticks = [(1, 1.0, 1.0, 0.0, limit, 1.0), (2, -1.0, 1.0, 0.0, -limit, 1.0)]
-        if self.returns is not None:
-            return flag_modes(1 << bit, limit, self.returns / self.stiffness / length)
-        return [
-            ((0, 0, 0.0, 1.0), sticks),
-            ((0, 1 << bit, -delta, 0.0), [up]),
-            ((0, 1 << bit, delta, 0.0), [down]),
-        ]
-
-
-@dataclass(frozen=True)
 class Matrices:
     """Validated arguments of `Structure.from_matrices`; hashable tuples."""
 
@@ -371,9 +157,9 @@ def read_matrices(
 ) -> Matrices:
     """Validate matrices; see `Structure.from_matrices`."""
     # a vector of masses stands for a diagonal matrix
-    listed = _listed(mass)
-    if listed and all(isinstance(value, Real) for value in listed):
-        mass = np.diag(vector("matrices.mass", listed, None)).tolist()
+    entries = listed(mass)
+    if entries and all(isinstance(value, Real) for value in entries):
+        mass = np.diag(vector("matrices.mass", entries, None)).tolist()
     checked = matrix("matrices.mass", mass, (None, None))
     n = len(checked)
     if n > MAX_ROWS:

@@ -122,6 +122,9 @@ TABLE = (
     Quantity("excursions", "slider", "1", "how often each slider has slipped", "excursions"),
     Quantity("slider_energy", "slider", "energy", "energy that each slider dissipates"),
     Quantity(
+        "strength_lost", "slider", "time", "when each slider has lost all force; NaN: it has not"
+    ),
+    Quantity(
         "residual_drift",
         "storey",
         "length",

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.arguments import count, not_negative, number, positive, refused, wrong
-from hpcsweep.model.matrices import vector
+from hpcsweep.model.vectors import vector
 
 FORM = "(alpha, beta), or ratio and modes, or ratio and periods"
 

@@ -5,10 +5,12 @@ from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 from hpcsweep.model.arguments import InputError, refused
-from hpcsweep.model.matrices import Contact, Slider, each
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.reduction import Reduction
+from hpcsweep.model.slider import Slider
 from hpcsweep.model.springs import Spring
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.vectors import each
 
 
 def elements_of(name: str, tables: Iterable[Any]) -> list:

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import number, refused
 from hpcsweep.model.isolation import POSITIVE, RANGE
-from hpcsweep.model.matrices import Slider
+from hpcsweep.model.slider import Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import OF_SOIL
 

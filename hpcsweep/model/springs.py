@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import finite, items, wrong
-from hpcsweep.model.matrices import Contact, Vector, matrix, vector
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.vectors import Vector, matrix, vector
 
 SAME = 1e-12
 """Part of the largest slope by which slopes on both sides of a point differ."""

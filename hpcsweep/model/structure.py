@@ -22,12 +22,13 @@ from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.definite import check_definite
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import ROUNDED
-from hpcsweep.model.matrices import Matrices, one_or_each, read_matrices
+from hpcsweep.model.matrices import Matrices, read_matrices
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.rigid import refuse_beside
 from hpcsweep.model.springs import add_springs
 from hpcsweep.model.unit_names import Names, UnitNames
+from hpcsweep.model.vectors import one_or_each
 
 MAX_STIFFNESS = 1e12
 """Of a slider, in what is left of the structure while it slips."""
@@ -99,6 +100,8 @@ class Structure(MeasuredDynamics):
     flag_height : float or sequence of n floats
         beta, to 1, of storeys that spring back: those that yield at the force f come home with
         (1 - beta) f. 0: they stay where they have yielded to.
+    backbone : Backbone, dict or sequence of n, optional
+        Of storeys that degrade, see `hpcsweep.model.backbone`; `hardening` is theirs.
     p_delta : bool
         Whether the weight above each storey over its height is taken from its stiffness, see
         `hpcsweep.model.system`. Modes and damping are those of the rest.
@@ -152,6 +155,8 @@ class Structure(MeasuredDynamics):
         for name in ("gap", "gap_left"):
             if -math.inf in self._floors(getattr(self, name)):
                 raise wrong(name, "must not be -inf: the stop would always push")
+        if self.backbone is not None:
+            self._set("backbone", self.backbones)
         self._set("harmonics", read_harmonics(self.harmonics))
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
@@ -301,7 +306,7 @@ class Structure(MeasuredDynamics):
             # motions whose drifts are bounded may leave in directions that none of these has
             _, size_of, axes = np.linalg.svd(rows[np.isfinite(limits)])
             free = axes[np.count_nonzero(size_of > ROUNDED * size_of.max(initial=0.0)) :]
-            values = np.linalg.eigvalsh(free @ self.elastic_stiffness @ free.T)
+            values = np.linalg.eigvalsh(free @ self.softest_stiffness @ free.T)
             if values.min(initial=0.0) < -ROUNDED * np.trace(self.stiffness_matrix):
                 what = "is missing" if collapse is None else "must be finite for each that softens"
                 why = "the structure softens once all sliders slip, its stiffness then has the"

@@ -24,12 +24,14 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import wrong
+from hpcsweep.model.backbone import Backbone, read_backbones
 from hpcsweep.model.dashpot import damping_of_restitution
 from hpcsweep.model.definite import rigid_motions
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, Matrices, Slider
+from hpcsweep.model.matrices import Contact, Matrices
 from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.reduction import Reduction
+from hpcsweep.model.slider import Slider, storey_sliders
 from hpcsweep.model.unit_names import Names, UnitNames
 
 LINKED = 1e-12
@@ -47,49 +49,6 @@ def _of_storeys(stiffness: np.ndarray) -> np.ndarray:
     """Return the matrix of springs, or dashpots, of storeys from the lowest on."""
     above = np.append(stiffness[1:], 0.0)
     return np.diag(stiffness + above) - np.diag(stiffness[1:], 1) - np.diag(stiffness[1:], -1)
-
-
-def storey_sliders(
-    stiffness: Sequence[float], yield_force: Any, yield_drift: Any, hardening: Any, flag_height: Any
-) -> tuple[Slider, ...]:
-    """Return the sliders of the storeys that yield, named by the number of the storey.
-
-    A storey of stiffness k keeps the elastic spring alpha k; the slider has the rest of k, and of
-    the force at which the storey yields 1 - alpha.
-
-    Parameters
-    ----------
-    stiffness : sequence of n floats
-        Of the storeys, from the lowest on.
-    yield_force, yield_drift, hardening, flag_height
-        Of `hpcsweep.model.structure.Structure`.
-
-    Raises
-    ------
-    ValueError
-        If they do not go together; the message names one.
-    """
-    n, by_force = len(stiffness), yield_force is not None
-    if by_force and yield_drift is not None:
-        raise wrong("yield_force", "and yield_drift must not be given both")
-    shares, flags = (np.broadcast_to(each, n).tolist() for each in (hardening, flag_height))
-    if not by_force and yield_drift is None:
-        for key, given in (("hardening", shares), ("flag_height", flags)):
-            if any(given):
-                raise wrong(key, "goes with yield_force or yield_drift")
-        return ()
-    forces = np.broadcast_to(yield_force if by_force else np.multiply(yield_drift, stiffness), n)
-    steps = (np.eye(n) - np.eye(n, k=-1)).tolist()
-    if any(k == 0.0 and force < math.inf for k, force in zip(stiffness, forces, strict=True)):
-        raise wrong("storey_stiffness", "must be above 0 of a storey that yields")
-    storeys = zip(steps, stiffness, shares, flags, forces.tolist(), strict=True)
-    sliders = []
-    for i, (row, k, share, flag, force) in enumerate(storeys, 1):
-        strength = (1.0 - share) * force
-        back = (1.0 - flag) * strength if flag else None
-        if force < math.inf:
-            sliders.append(Slider(tuple(row), (1.0 - share) * k, strength, str(i), returns=back))
-    return tuple(sliders)
 
 
 def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np.ndarray:
@@ -143,6 +102,7 @@ class System:
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
     flag_height: float | Sequence[float] = 0.0
+    backbone: Backbone | Mapping[str, Any] | Sequence[Backbone | None] | None = None
     p_delta: bool = False
     weight: PerFloor | Sequence[float] | None = None
     storey_height: PerFloor | Sequence[float] | None = None
@@ -184,10 +144,17 @@ class System:
     @property
     def _springs(self) -> np.ndarray:
         """Stiffness of the springs of all sliders, shape (n, n)."""
-        stiffness = np.zeros((self.n_floors, self.n_floors))
-        for slider in self.sliders:
-            stiffness += slider.spring * np.outer(slider.direction, slider.direction)
-        return stiffness
+        return self.of_sliders([slider.spring for slider in self.sliders])
+
+    @property
+    def softest_stiffness(self) -> np.ndarray:
+        """K where each slider has the least stiffness that it may have, shape (n, n)."""
+        return self.elastic_stiffness + self.of_sliders([slider.softest for slider in self.sliders])
+
+    def of_sliders(self, stiffness: Sequence[float]) -> np.ndarray:
+        """Return the sum of k_j b_j b_j^T, shape (n, n)."""
+        rows = self.slider_directions
+        return rows.T @ (np.array(stiffness)[:, None] * rows)
 
     @property
     def slider_stiffness(self) -> np.ndarray:
@@ -228,9 +195,13 @@ class System:
         if self.matrices is not None:
             return self.matrices.sliders
         stiffness = self._floors(self.storey_stiffness)
-        return storey_sliders(
-            stiffness, self.yield_force, self.yield_drift, self.hardening, self.flag_height
-        )
+        yields = self.yield_force, self.yield_drift, self.hardening, self.flag_height
+        return storey_sliders(stiffness, *yields, self.backbones)
+
+    @property
+    def backbones(self) -> tuple[Backbone | None, ...]:
+        """Backbone of each storey, None of one that does not degrade."""
+        return read_backbones("backbone", self.backbone, self.n_floors)
 
     @cached_property
     def drift_limits(self) -> np.ndarray:

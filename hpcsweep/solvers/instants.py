@@ -154,7 +154,7 @@ class InstantMap(RecordMap):
             slid = self._slid(z)
             path = slid.path * structure.length_unit
             taken = tally.impacts[DISSIPATED] * unit, structure.slider_losses(path, slid.excursions)
-            reached = self._units.out_of(z), slid.force
+            reached = self._units.out_of(z), slid
             ends.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
         return ends
 

@@ -71,9 +71,9 @@ LINEAR = Capability(_never_yields, why="knows no free drift")
 CURVES = Capability(_is_elastic, why="curves of theirs are not followed", without=BOTH)
 """Curves of special points and of limits over two parameters."""
 HARMONIC = Capability(
-    lambda one: all(slider.returns is None for slider in one.sliders),
-    why="flag_height and returns go with records",
-    without="sliders that slip back",
+    lambda one: all(slider.returns is None and slider.backbone is None for slider in one.sliders),
+    why="flag_height, returns and backbone go with records",
+    without="sliders that slip back or degrade",
 )
 """Motions under a harmonic forcing."""
 FORCES = Capability(

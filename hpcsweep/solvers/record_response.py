@@ -31,9 +31,19 @@ class Slid(NamedTuple):
     path: np.ndarray
     """Sum of |dp|."""
     excursions: np.ndarray
+    stiffness: np.ndarray
+    """Part of k with which each unloads, 0 where its force is lost, ..."""
+    lost: np.ndarray
+    """... and when, NaN if it is not."""
+    largest: np.ndarray
+    """Force over k of one that degrades; NaN of others."""
+
+    def stretch(self, spring: np.ndarray) -> np.ndarray:
+        """Return the elongations that unloading takes back, of sliders of stiffness k."""
+        return self.force / np.where(self.stiffness > 0.0, spring * self.stiffness, math.inf)
 
 
-NONE_SLID = Slid(*(np.zeros(0),) * 4, np.zeros(0, int))
+NONE_SLID = Slid(*(np.zeros(0),) * 4, np.zeros(0, int), *(np.zeros(0),) * 3)
 
 
 class Ended(NamedTuple):
@@ -113,6 +123,8 @@ class Response(Measures):
         Force of each slider at the end.
     slider_energy : ndarray, shape (L,)
         Energy that it has dissipated, F times the plastic path.
+    strength_lost : ndarray, shape (L,)
+        When a slider with a backbone has lost all force; NaN if it has not.
     base_shear : ndarray, shape (B,)
         Largest reaction of the base of each building (`Structure.buildings`), the sum of its forces
         of inertia and of its contacts, if it is wanted; else empty.
@@ -154,6 +166,7 @@ class Response(Measures):
     excursions: np.ndarray
     final_slider_force: np.ndarray
     slider_energy: np.ndarray
+    strength_lost: np.ndarray
     residual_displacement: np.ndarray
     residual_drift: np.ndarray
     base_shear: np.ndarray
@@ -200,9 +213,10 @@ def response_of(
     strength = np.array([slider.strength for slider in structure.sliders])
     elongation, path = slid.elongation * length, slid.path * length
     plastic = slid.plastic * length
+    yielding = np.where(slid.excursions, strength, spring * elongation)
     lasting = np.full(n, math.nan if ended.collapsed else 0.0)
     if plastic.any() and not ended.collapsed:
-        lasting = _lasting(structure, plastic) - structure.rest[:n]
+        lasting = _lasting(structure, plastic, slid.stiffness) - structure.rest[:n]
     return Response(
         **of_structure(structure, peaks),
         impacts=impacts[CLOSINGS].astype(int),
@@ -219,11 +233,16 @@ def response_of(
         acceleration_time=times["floor_acceleration"],
         force_time=times["contact_force"],
         ductility=elongation * spring / strength,
-        slider_force=np.where(slid.excursions, strength, spring * elongation),
+        slider_force=np.where(
+            np.isnan(slid.largest) | (slid.excursions == 0),
+            yielding,
+            spring * slid.largest * length,
+        ),
         plastic=plastic,
         plastic_path=path,
         excursions=slid.excursions,
         final_slider_force=slid.force,
+        strength_lost=slid.lost,
         slider_energy=structure.slider_losses(path, slid.excursions),
         residual_displacement=lasting,
         residual_drift=structure.drift_rows @ lasting,
@@ -235,24 +254,24 @@ def response_of(
     )
 
 
-def _lasting(structure: Structure, plastic: np.ndarray) -> np.ndarray:
+def _lasting(structure: Structure, plastic: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return the displacements of the structure at rest, its flags home where they slip back."""
     from hpcsweep.model.equilibrium import static_equilibrium  # reading results needs no scipy
 
     pairs = [(one.stiffness, one.strength, one.returns) for one in structure.sliders]
     spring, strength, returns = np.array(pairs, float).T
-    u = static_equilibrium(structure, plastic)
+    u = static_equilibrium(structure, plastic, share)
     force = np.sign(plastic) * spring * (structure.slider_directions @ u - plastic)
     home = np.where(force < returns - SAME_FORCE * strength, 0.0, plastic)
-    return u if np.array_equal(home, plastic) else _lasting(structure, home)
+    return u if np.array_equal(home, plastic) else _lasting(structure, home, share)
 
 
 def energy_of(
-    structure: Structure, response: Response, start: np.ndarray, integrals: np.ndarray
+    structure: Structure, response: Response, slid: Slid, start: np.ndarray, integrals: np.ndarray
 ) -> Response:
     """Return a response with its energies; see `energy_at`."""
-    reached, taken = (response.final_state, response.final_slider_force), response.slider_energy
-    energy = energy_at(structure, reached, (response.dissipated, taken), start, integrals)
+    taken = response.dissipated, response.slider_energy
+    energy = energy_at(structure, (response.final_state, slid), taken, start, integrals)
     return replace(response, energy=energy)
 
 
@@ -262,8 +281,8 @@ def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray
     Parameters
     ----------
     structure : Structure
-    reached : pair of ndarray, shapes (2n,) and (L,)
-        (u, u') and the forces of sliders.
+    reached : pair of ndarray, shape (2n,), and Slid
+        (u, u') and what the sliders have done.
     taken : pair of ndarray, shapes (k,) and (L,)
         Energy that contacts and sliders have dissipated.
     start : ndarray, shape (2n,)
@@ -274,17 +293,19 @@ def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray
     n, length, rate = structure.n_floors, structure.length_unit, structure.frequency_unit
     spring = np.array([slider.stiffness for slider in structure.sliders])
     pull = np.array([slider.shares[1] for slider in structure.sliders])
-    first = structure.slider_directions @ start[:n] * spring
+    first = structure.slider_directions @ start[:n]
 
-    def held(state: np.ndarray, force: np.ndarray) -> np.ndarray:
+    def held(state: np.ndarray, force: np.ndarray, stretch: np.ndarray) -> np.ndarray:
         """Return kinetic and strain energy."""
         u, v = np.split(state, 2)
-        stretch = force / spring
         strain = 0.5 * (u @ structure.elastic_stiffness @ u + force @ stretch)
         strain += pull @ np.abs(structure.slider_directions @ u - stretch)
         return np.array([0.5 * v @ structure.mass_matrix @ v, strain + structure.contact_energy(u)])
 
-    kinetic, strain = held(*reached) - held(start, first)
+    state, slid = reached
+    kinetic, strain = held(state, slid.force, slid.stretch(spring)) - held(
+        start, spring * first, first
+    )
     work = length**2 * rate * integrals
     return Energy(
         input=float(rate * work[n] @ structure.forcing_vector),

@@ -155,9 +155,10 @@ def linear_response(
         for quantity in TABLE
         if quantity.dim in sizes and quantity.name in vars(peaks)
     }
+    still |= {"ductility": force / strength, "slider_force": force}
     linear = replace(
         peaks,
-        **still | {"ductility": force / strength, "slider_force": force},
+        **still | {"strength_lost": np.full(len(slides), math.nan)},
         storey_drift=drifts,
         drift_time=peaks.drift_time[:n_drifts],
         force_time=np.zeros(n_contacts),

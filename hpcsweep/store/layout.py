@@ -203,9 +203,7 @@ class Layout:
             "resolved_job": resolved(self.job),
             "variables": " ".join(variable.name for variable in self.variables),
             **({"derived": " ".join(v.name for v in self.derived)} if self.derived else {}),
-            "equation": description.MOTION.format(
-                forcing=forcing, rigid=description.RIGID * bool(structure.is_rigid.any())
-            ),
+            "equation": description.motion(structure, forcing),
             "signs": description.SIGNS,
             "structure": description.as_text(structure),
             "solver": settings.solver,

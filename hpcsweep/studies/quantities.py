@@ -63,7 +63,7 @@ LIMITS = {
     "contact_share": SHARE,
 }
 """What is valid, if not sizes: a contact with a layer also pulls as it closes."""
-OPTIONAL = ("residual_drift",)
+OPTIONAL = "residual_drift", "strength_lost"
 """What may be missing in a complete run; summaries do not tell it."""
 WHOLE = ("impacts", "simultaneous", "excursions")
 """Whole numbers of a response."""

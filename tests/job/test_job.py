@@ -7,6 +7,7 @@ from together import together
 from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.model.backbone import Backbone
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.path_grid import Followed, Steps
 from hpcsweep.studies.refinement import Refinement
@@ -132,6 +133,7 @@ OTHER = {
     "yield_drift": math.inf,
     "hardening": 0.1,
     "flag_height": 0.5,
+    "backbone": Backbone(1.0, 2.0),
     "p_delta": True,
     "weight": 2.0,
     "storey_height": 3.0,
@@ -170,6 +172,7 @@ OTHER = {
 ALONG = {
     "hardening": {"yield_drift": math.inf},
     "flag_height": {"yield_drift": math.inf},
+    "backbone": {"yield_drift": 0.1, "collapse_drift": 5.0},
     "p_delta": {"weight": 0.01, "storey_height": 1.0},
     "collapse_drift": {"yield_drift": 0.1},
 }

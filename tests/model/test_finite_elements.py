@@ -330,7 +330,7 @@ WRONG = [
     ),
     (
         lambda: of().structure(sliders=[{"direction": 1, "stiffness": 1.0}]),
-        r"^slider\[0\] must be of direction, stiffness, strength, name, kinetic, returns, the",
+        r"^slider\[0\] must be of direction, stiffness, strength, name, kinetic, returns, back",
     ),
     (lambda: Contact({"a": 0.0}, 1, 1), "must not be 0: such a contact can never be reached"),
     (

@@ -153,5 +153,5 @@ def test_flags_that_are_none_are_refused():
         hpcsweep.stroboscopic_points(flag, 1.0, 1.0, [0.0, 0.0, 0.0], 1)
     text = "[[building]]\nmass = 1.0\nstorey_stiffness = 1.0\nyield_drift = 1.0\n"
     text += "flag_height = 0.5\n[sweep]\nomega = 1.0\namplitude = [1.0]\n"
-    with pytest.raises(JobError, match="job: structure must be without sliders that slip back: fl"):
+    with pytest.raises(JobError, match="must be without sliders that slip back or degrade: fl"):
         parse_job(text, "job", "job")

@@ -32,7 +32,7 @@ from hpcsweep.solvers import response as solvers_response
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
-from hpcsweep.studies.ground_motion.stripes import capacities, stripes_of
+from hpcsweep.studies.ground_motion.stripes import capacities, responses_of, stripes_of
 
 SUITE = synthetic_records(4, seed=3, dt=0.02, duration=10.0)
 GAPS = '[vary]\n"pounding.gap" = [0.01, 0.02, 0.04]\n'
@@ -1074,6 +1074,9 @@ block = 2
 base_shear = true
 energy = true
 """
+LOSES = """collapse_drift = 9.0
+backbone = {theta_p = 0.01, theta_pc = 0.03, Lambda = 0.5, rule = "peak-oriented"}"""
+"""In place of what softens."""
 FALLEN = (
     *("collapsed", "collapse_time", "base_shear", "ductility", "storey_drift", "plastic"),
     "energies",
@@ -1179,3 +1182,19 @@ def test_curves_end_flat_where_structures_collapse(tmp_path):
     done = hpcsweep(0, "fragility", "stands.h5", "--collapse", cwd=tmp_path)
     assert done.returncode == 2
     assert "hold no collapsed: the structure has no collapse_drift" in done.stderr
+
+
+def test_a_storey_that_has_lost_its_strength_counts_as_collapsed(tmp_path):
+    """No limit is reached, and nothing stands at the end: told apart by when it was lost."""
+    text = FALLS.replace("hardening = -0.03\np_delta = true\ncollapse_drift = [0.15, 0.2]", LOSES)
+    job, path, results = computed(text, tmp_path)
+    lost = np.isfinite(results["strength_lost"].values)
+    assert 2 < lost.any(axis=-1).sum() < 16
+    assert not results["collapsed"].values.any()
+    assert (np.isnan(results["residual_drift"].values).all(axis=-1) == lost.any(axis=-1)).all()
+    assert validate(path, 4).sound
+    told = summarize(path)
+    assert (told["collapsed"]["runs"], told["strength_lost"]["runs"]) == (0, lost.any(-1).sum())
+    for quantity in ("collapse", "residual_drift"):
+        reached = np.isinf(responses_of(results, job.study, quantity).values).all(axis=-1)
+        assert (reached == lost.any(axis=-1)).all()

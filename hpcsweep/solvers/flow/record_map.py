@@ -1,5 +1,6 @@
 """The flow map under a ground-motion record; see `record.march`."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -108,8 +109,11 @@ class RecordMap:
         done, outcome, collapsed = self._advance(z, samples, scale, tail, poll, wanted)
         model, tally, structure = self._shared.model, self._shared.tally, self.structure
         ended = Ended(self._units.out_of(z).copy(), done, outcome, collapsed)
-        response = response_of(structure, model, tally, self._slid(z), ended)
-        return energy_of(structure, response, start, tally.energy) if self._energy else response
+        slid = self._slid(z)
+        response = response_of(structure, model, tally, slid, ended)
+        if not self._energy:
+            return response
+        return energy_of(structure, response, slid, start, tally.energy)
 
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
@@ -118,13 +122,20 @@ class RecordMap:
         if not self.structure.sliders:
             return NONE_SLID
         state, change = sliders.plastic(z, modes)
+        degraded, rate = sliders.degraded(z, modes), self.structure.frequency_unit
+        which = degraded.which
         rows, drifts = model.elements.rows[sliders.own].tolist(), model.drift_rows.tolist()
         return Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
             force=sliders.force(z, modes.mode, modes.state),
-            plastic=sliders.sign * state,
-            path=modes.path[sliders.own] + change,
-            excursions=modes.taken[sliders.own] + sliders.slips(z, modes),
+            plastic=sliders.sign * np.where(which, degraded.plastic, state),
+            path=np.where(which, degraded.path, modes.path[sliders.own] + change),
+            excursions=np.where(
+                which, degraded.slips, modes.taken[sliders.own] + sliders.slips(z, modes)
+            ).astype(int),
+            stiffness=degraded.stiffness,
+            lost=degraded.lost / rate,
+            largest=np.where(which, degraded.force, math.nan),
         )
 
     def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome, bool]:
@@ -158,8 +169,10 @@ class RecordMap:
 
     def _at_rest(self) -> np.ndarray:
         """Put elements to rest; return the state of the kernels."""
-        reset(self._shared.modes)
-        self._shared.modes.mode[:] = self._shared.model.elements.first
+        modes, elements = self._shared.modes, self._shared.model.elements
+        reset(modes)
+        modes.mode[:] = elements.first
+        modes.state[len(elements.rows) :] = self._sliders.memory.ravel()
         return self._units.into(self.structure.rest)
 
     def _march(self, z, samples, amplitude, part, wanted, points=None):

@@ -154,8 +154,10 @@ class ResponseTally(BaseTally):
         self.counts["all"]["linear"] += int(linear.sum())
         if "impacts" in frame:
             self.counts["all"]["touching"] += int((frame["impacts"].values > 0).any(axis=-1).sum())
-        if "collapsed" in frame:
-            self.counts["all"]["collapsed"] += int(frame["collapsed"].values.sum())
+        for name, least in ("collapsed", 1), ("strength_lost", -math.inf):
+            if name in frame:
+                known = frame[name].values >= least
+                self.counts["all"][name] += int(known.any(axis=tuple(range(2, known.ndim))).sum())
         structure, factors = hash(grid.responses.computed), frame["factor"].values
         different = (outcome > 0) & ~linear
         for name, row, chosen in zip(frame["record"].values, factors, different, strict=True):
@@ -174,8 +176,8 @@ class ResponseTally(BaseTally):
             name: most | dict(zip(units, grid.intensities(most["scale"]), strict=True))
             for name, most in self.largest.items()
         }
-        if (collapsed := self.counts["all"].get("collapsed")) is not None:
-            counts["collapsed"] = share(collapsed, done)
+        for name in {"collapsed", "strength_lost"} & {*self.counts["all"]}:
+            counts[name] = share(self.counts["all"][name], done)
         return counts | {
             "records": sizes["record"],
             "scales": sizes["scale"],

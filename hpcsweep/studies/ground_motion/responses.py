@@ -305,7 +305,11 @@ def with_lengths_in(structure: Structure, unit: float, *more: np.ndarray) -> Str
         drift=drift,
         sharpness=structure.sharpness,
         sliders=[
-            replace(slider, **{key: f / unit for key in FORCES if (f := getattr(slider, key))})
+            replace(
+                slider,
+                **{key: f / unit for key in FORCES if (f := getattr(slider, key))},
+                backbone=slider.backbone and slider.backbone.measured_by(unit),
+            )
             for slider in structure.sliders
         ],
         collapse_drift=None if structure.collapse_drift is None else limits.tolist(),

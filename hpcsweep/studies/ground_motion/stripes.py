@@ -127,8 +127,8 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
         label += " ratio"
     values = np.abs(array.values * factor).astype(float)
     values[results["outcome"].values != Outcome.COMPLETE] = np.nan
-    if "collapsed" in results:
-        values[results["collapsed"].values > 0] = np.inf
+    if response == COLLAPSE or "collapsed" in results:
+        values[fallen(results)] = np.inf
     free = values if LINEAR.of(structure) and not structure.contacts else None
     for beside in {f"{name}_{kind}" for kind in BESIDE} & {*results}:
         free = np.where(
@@ -140,6 +140,18 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
     names = tuple(str(place) for place in array[dim].values)
     unit = "" if unit == "1" else unit
     return Responses(values, free, proportional, label, unit, dim, names)
+
+
+def fallen(results) -> np.ndarray:
+    """Return which motions have collapsed, or leave nothing that stands, shape of the runs.
+
+    No displacement is at rest where storeys that stand have lost their strength.
+    """
+    stands = results["collapsed"].values == 0
+    if "strength_lost" in results:
+        complete = results["outcome"].values == Outcome.COMPLETE
+        stands &= ~(complete & results["residual_drift"].isnull().any("storey").values)
+    return ~stands
 
 
 def falls_alone(results) -> np.ndarray:

@@ -184,6 +184,8 @@ def _absent(structure: Structure) -> set[str]:
         absent |= {"collapsed", "collapse_time"}
     rigid = structure.is_rigid.any()
     absent |= {"contact_force", "contact_force_time"} if rigid else {"simultaneous"}
+    if all(slider.backbone is None for slider in structure.sliders):
+        absent.add("strength_lost")
     linear = {"slider", "residual_drift", "elastic"}
     return absent | linear if LINEAR.of(structure) else absent
 

@@ -35,6 +35,8 @@ SPRINGS = np.array([[40.0, -20, 0], [-20, 40, -20], [0, -20, 20]])
 STOPS = [Contact((0, 0, 1), 0.2, 500.0), Contact((0, 1, 0), 0.15, 300.0)]
 LOSSY = [Contact((0, 0, 1), 0.3, 500.0, damping=5.0), Contact((-1, 1, 0), 0.1, 300.0)]
 BRACES = [Slider((-1, 1, 0), 10.0, 0.2), Slider((0, -1, 1), 10.0, 0.1)]
+WORN = {"theta_p": 0.01, "theta_pc": 0.05, "Lambda": 0.4, "rule": "pinching"}
+WORN |= {"kappa_f": 0.3, "kappa_d": 0.5}
 COUPLED = np.diag([0.3, 0.1, 0.7])
 START = np.array([0.1, 0.2, 0.25, 0.3, 0.5, 0.9])
 FAST = np.array([0.5, 0.99, 0.985, 0.0, 0.0, 0.4])
@@ -164,6 +166,12 @@ WAYS = {
     "records that yield and pound": Way(
         "series.expand_series accelerations._ends_in_series",
         lambda: response(towers(), noise(80, 0.02, 6.0)),
+    ),
+    "records that degrade": Way(
+        "degrading._begin_excursion elements._turn degrading._towards_global",
+        lambda: response(
+            towers(yield_drift=0.01, collapse_drift=0.5, backbone=WORN), noise(80, 0.02, 12.0)
+        ),
     ),
     "records with dashpots and limits": Way(
         "interval._pass_guard energies.energies_on_segment record_map._end",

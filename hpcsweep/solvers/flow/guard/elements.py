@@ -19,7 +19,20 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulus, negative
-from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
+from hpcsweep.model.backbone import SIZE
+from hpcsweep.model.degrading import LOST, NO_FORCE, SLOPE, turn
+from hpcsweep.model.elements import (
+    AFTER,
+    HELD,
+    LEVEL,
+    OWNER,
+    SHARE,
+    SHIFT,
+    SIGN,
+    SPEED,
+    SPRING,
+    TAKES,
+)
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK, row_at_ends
 from hpcsweep.solvers.flow.guard.rigid import (
@@ -42,9 +55,11 @@ from hpcsweep.solvers.flow.guard.search import (
     may_reach,
     rising_root,
 )
+from hpcsweep.solvers.flow.state.state import degrade, time_of
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.flow.step.constraint import is_rigid
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.series import ONLY_FREE
 from hpcsweep.solvers.flow.step.step import expand, state_at, write_row
 
 ALL_LANES = (1 << LANES) - 1
@@ -63,14 +78,19 @@ def sets_of(modes, elements):
 
 
 @inlined
-def write_loads(modes, elements, pairs):
-    """Write the loads of the sliders behind the pairs of the forcing."""
+def write_loads(modes, elements, pairs, series):
+    """Write the loads of the sliders behind the pairs of the forcing, and slopes that differ."""
     n_loads = elements.stiffness.shape[0]
     first = pairs.shape[0] - n_loads
     e = modes.mode.shape[0] - n_loads
     for j in range(n_loads):
         load = elements.load[modes.mode[e + j]]
         pairs[first + j] = load[0] + load[1] * modes.state[e + j]
+        if degrade(modes):
+            slope = modes.state[modes.mode.shape[0] + SIZE * j + SLOPE]
+            if slope != series.slope[j]:
+                series.slope[j] = slope
+                series.key[1] = min(series.key[1], ONLY_FREE)
 
 
 @inlined
@@ -84,7 +104,8 @@ def difference(e, first, elements, z):
 @inlined
 def offset_of(g, modes, elements):
     """Return c + r p of a guard."""
-    return elements.guard[g, LEVEL] + elements.guard[g, SHARE] * modes.state[elements.owner[g]]
+    held = elements.ways[g, HELD]
+    return elements.guard[g, LEVEL] + elements.guard[g, SHARE] * modes.state[held]
 
 
 @kernel
@@ -100,7 +121,8 @@ def write_windows(modes, elements, proof):
             windows[0, e] = windows[2, e] = -math.inf
             continue
         mode = modes.mode[e]
-        if windows[4, e] == mode + 1.0 and windows[5, e] == modes.state[e]:
+        same = windows[4, e] == mode + 1.0 and windows[5, e] == modes.state[e]
+        if same and not degrade(modes):
             continue
         windows[4, e], windows[5, e] = mode + 1.0, modes.state[e]
         windows[1, e] = windows[3, e] = math.inf
@@ -198,7 +220,7 @@ def _passage(g, segment, end, modes, tables, model, ends, step):
 
     -1 if it is not (proved), `UNDECIDED` if rounding forbids to tell.
     """
-    elements, e, h = model.elements, model.elements.owner[g], segment.h
+    elements, e, h = model.elements, model.elements.ways[g, OWNER], segment.h
     i, below = elements.rows[e]
     guard = elements.guard[g]
     offset = offset_of(g, modes, elements)
@@ -235,7 +257,7 @@ def _passage(g, segment, end, modes, tables, model, ends, step):
 @inlined
 def _out_of_reach(g, d, modes, model, ends):
     """Return whether a guard on y alone is not passed within d of a step; True is proved."""
-    guard, e = model.elements.guard[g], model.elements.owner[g]
+    guard, e = model.elements.guard[g], model.elements.ways[g, OWNER]
     way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, model.elements)
     g0, slope0 = way * ends[0, e] - end, way * ends[1, e]
     g1, slope1 = way * ends[2, e] - end, way * ends[3, e]
@@ -280,11 +302,11 @@ def first_change(segment, span, modes, tables, model, proof, step):
 
 
 @kernel
-def pass_guard(g, z, modes, elements):
+def pass_guard(g, time, z, modes, elements):
     """Let an element pass a guard in a state z, in which the guard is put where it is."""
-    e, guard, half = elements.owner[g], elements.guard[g], z.shape[0] // 2
+    e, guard, half = elements.ways[g, OWNER], elements.guard[g], z.shape[0] // 2
     i, below = elements.rows[e]
-    modes.mode[e] = elements.after[g]
+    modes.mode[e] = elements.ways[g, AFTER]
     if guard[SPEED] == 0.0:
         level = offset_of(g, modes, elements)
         z[i] = level + z[below] if below >= 0 else level
@@ -296,6 +318,21 @@ def pass_guard(g, z, modes, elements):
         modes.path[e] += change
         modes.taken[e] += change > ROUNDING * max(size, _size_of(e, elements, z))
         modes.state[e] = state
+    if guard[TAKES] < 0.0:
+        y = difference(e, 0, elements, z) if guard[SPRING] == 0.0 else offset_of(g, modes, elements)
+        _turn(e, guard[SIGN] * guard[SPRING], y, time, modes, elements)
+
+
+@kernel
+def _turn(e, way, y, time, modes, elements):
+    """Let a slider that degrades pass an event of `degrading.turn`."""
+    count = modes.mode.shape[0]
+    at = count + SIZE * (e - count + elements.stiffness.shape[0])
+    memory = modes.state[at : at + SIZE]
+    mode, modes.state[e] = turn(way, y, modes.state[e], memory)
+    modes.mode[e] = elements.first[e] + mode
+    if mode == NO_FORCE:
+        memory[LOST] = time
 
 
 @inlined
@@ -308,14 +345,15 @@ def _size_of(e, elements, z):
 
 
 @kernel
-def change(first, segment, time, z, modes, elements, tables, proof, step):
+def change(first, segment, time, z, modes, model, tables, proof, step):
     """Let elements pass their guards in a state z at that time of a step.
 
     With `first` all that are passed at the same instant: separately, each would need a segment
     without length. Those that keep their modes on the whole step are not.
     """
-    passed = elements.owner[first]
-    pass_guard(first, z, modes, elements)
+    elements, now = model.elements, time_of(segment.tau + time, model)
+    passed = elements.ways[first, OWNER]
+    pass_guard(first, now, z, modes, elements)
     for e in range(modes.mode.shape[0]):
         if proof.kept[e]:
             continue
@@ -327,13 +365,13 @@ def change(first, segment, time, z, modes, elements, tables, proof, step):
                 g, segment, time, z, modes, elements, tables, proof.ends, step
             )
             if rate > 0.0 and abs(value) <= SAME_INSTANT * segment.h * rate:
-                pass_guard(g, z, modes, elements)
+                pass_guard(g, now, z, modes, elements)
 
 
 @inlined
 def _guard_and_rate(g, segment, time, z, modes, elements, tables, ends, step):
     """Return a guard in a state z and its rate; 0 where it is far from being passed."""
-    guard, e, half = elements.guard[g], elements.owner[g], z.shape[0] // 2
+    guard, e, half = elements.guard[g], elements.ways[g, OWNER], z.shape[0] // 2
     y, w = difference(e, 0, elements, z), difference(e, half, elements, z)
     value = guard[SPRING] * y + guard[SPEED] * w - offset_of(g, modes, elements)
     rate = guard[SPRING] * w

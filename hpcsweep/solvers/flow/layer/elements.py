@@ -28,7 +28,7 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import local_vector
-from hpcsweep.model.elements import ENDS
+from hpcsweep.model.elements import ENDS, OWNER
 from hpcsweep.model.observed import ENERGY
 from hpcsweep.solvers.flow.guard.contacts import set_contacts
 from hpcsweep.solvers.flow.guard.elements import (
@@ -67,10 +67,10 @@ PARTS = 4
 
 
 @inlined
-def _set_modes(modes, elements, pairs, layer, proof):
+def _set_modes(modes, elements, pairs, step, proof):
     """Write what the modes of sliders make of steps: loads, guards."""
-    write_loads(modes, elements, pairs)
-    write_sliders(modes, elements, layer)
+    write_loads(modes, elements, pairs, step.series)
+    write_sliders(modes, elements, step.series.slope, step.layer)
     write_windows(modes, elements, proof)
 
 
@@ -169,7 +169,7 @@ def visit_layers(packed, interval, z, amplitude, wanted):
     step, proof, elements, pairs = work.step, work.proof, model.elements, work.forcing
     nothing = np.uint64(0)
     set_contacts(~nothing, nothing, modes, model.contacts)
-    _set_modes(modes, elements, pairs, step.layer, proof)
+    _set_modes(modes, elements, pairs, step, proof)
     forcing_at(tau, amplitude, model, pairs, 0)
     ground = total_forcing(pairs, 0, model)
     _accelerate(ground, z, model, step.layer, step.a)
@@ -199,15 +199,15 @@ def visit_layers(packed, interval, z, amplitude, wanted):
             copy_state(z, step.z_end)
         if place >= 0:
             shared.counts[PASSAGES] += 1
-            change(place, segment, span, step.z_end, modes, elements, tables, proof, step)
+            change(place, segment, span, step.z_end, modes, model, tables, proof, step)
         copy_state(step.z_end, z)
         if not is_ordinary(z):
             return tau, NON_FINITE, steps
         if place >= 0:
             if elements.guard[place, ENDS] > 0.0:
-                modes.path[elements.owner[place]] = time_of(tau, model)
+                modes.path[elements.ways[place, OWNER]] = time_of(tau, model)
                 return tau, COLLAPSED, steps
-            _set_modes(modes, elements, pairs, step.layer, proof)
+            _set_modes(modes, elements, pairs, step, proof)
         _accelerate(ground, z, model, step.layer, step.a)
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps

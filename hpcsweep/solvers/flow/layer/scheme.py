@@ -396,7 +396,7 @@ def quadrature_error(h, z, model, work):
 
 
 @inlined
-def write_sliders(modes, elements, stage):
+def write_sliders(modes, elements, slopes, stage):
     """Write s_j q_j and s_j m_j of the present modes into the workspace of a layer."""
     n_sliders = elements.stiffness.shape[0]
     first = modes.mode.shape[0] - n_sliders
@@ -404,7 +404,7 @@ def write_sliders(modes, elements, stage):
         mode, stiff = modes.mode[first + j], elements.stiffness[j]
         share = elements.load[mode, 0] + elements.load[mode, 1] * modes.state[first + j]
         stage.pushed[j] = stiff * share
-        stage.taken[j] = stiff if elements.sets[mode, 1] else 0.0
+        stage.taken[j] = stiff * (1.0 - slopes[j]) if elements.sets[mode, 1] else 0.0
 
 
 @kernel

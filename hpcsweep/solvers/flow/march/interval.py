@@ -23,7 +23,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import local_matrix
-from hpcsweep.model.elements import ENDS
+from hpcsweep.model.elements import ENDS, OWNER
 from hpcsweep.solvers.flow.guard.contacts import (
     change_tangent,
     past_stops,
@@ -97,7 +97,7 @@ def begin(tau, z, amplitude, elements, shared):
         else:
             past = key = contact_key(tau, z, amplitude, model, pairs, step.a)
     else:
-        write_loads(modes, model.elements, pairs)
+        write_loads(modes, model.elements, pairs, step.series)
         if model.contacts.bounce.shape[0] > 0:
             into_stops(z, model.contacts)
         past = past_stops(tau, z, amplitude, model, pairs, step.series)
@@ -165,7 +165,11 @@ def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, 
     """
     model, tables, work = shared.model, shared.tables, shared.work
     tau, end, left = interval
-    if elements is not None and tangent is None and is_series(key, tau, end, model, tables):
+    if (
+        elements is not None
+        and tangent is None
+        and is_series(key, tau, end, model, shared.modes, tables)
+    ):
         segment = series_step(key, tau, end, model, work.step)
         shared.counts[LINEAR_STEPS] += 1
         return segment, segment.h, 1, 0
@@ -221,13 +225,13 @@ def _pass_guard(segment, ending, past, z, amplitude, wanted, elements, tangent, 
     shared.counts[PASSAGES] += 1
     guard, before = ending.contact, past
     rules, tables, proof = model.elements, shared.tables, work.proof
-    change(guard, segment, ending.span, z, modes, rules, tables, proof, work.step)
+    change(guard, segment, ending.span, z, modes, model, tables, proof, work.step)
     if rules.guard[guard, ENDS] > 0.0:
-        modes.path[rules.owner[guard]] = time_of(segment.tau + ending.span, model)
+        modes.path[rules.ways[guard, OWNER]] = time_of(segment.tau + ending.span, model)
         return past, key, False, np.uint64(0), COLLAPSED
     past, key = sets_of(modes, rules)
     pairs, series, tau = work.forcing, work.step.series, segment.tau + ending.span
-    write_loads(modes, rules, pairs)
+    write_loads(modes, rules, pairs, series)
     if model.contacts.bounce.shape[0] > 0:
         key = collide(tau, before, key, z, amplitude, wanted, tangent, shared)
         past ^= rigid_of(past ^ key, model.contacts)

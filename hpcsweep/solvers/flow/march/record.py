@@ -140,14 +140,14 @@ def _sample_peaks(j, z, amplitude, shared):
     key, a = np.uint64(0), padded[: model.stiffness.shape[0]]
     if within:
         accelerations(ground, z, model, a)
-        write_sliders(modes, model.elements, work.step.layer)
+        write_sliders(modes, model.elements, work.step.series.slope, work.step.layer)
         add_sliders(z, model.elements, work.step.layer, a)
     else:
         key = contact_key(model.period, z, amplitude, model, work.forcing, a)
         _, sliding = sets_of(modes, model.elements)
         key = pushing(key & ~rigid_of(key, model.contacts), z, model) | sliding >> m << m
         key |= rigid_of(sliding, model.contacts)
-        write_loads(modes, model.elements, work.forcing)
+        write_loads(modes, model.elements, work.forcing, work.step.series)
         field_accelerations(key, z, work.forcing, model, work.step.series, padded)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]

@@ -17,7 +17,7 @@ from hpcsweep.kernels.compile.entry_points import (
     type_of,
 )
 from hpcsweep.kernels.simd.vectors import local_matrix, local_vector
-from hpcsweep.model.elements import LEVEL, SHARE, SIGN, SPRING, TAKES
+from hpcsweep.model.elements import AFTER, LEVEL, SHARE, SIGN, SPRING, TAKES
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.guard.elements import difference
 from hpcsweep.solvers.flow.march.march import march
@@ -44,12 +44,12 @@ def begin_period(z, first, modes, elements):
         y, speed = difference(e, 0, elements, z), difference(e, first // 2, elements, z)
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
             guard = elements.guard[g]
-            level, slips = guard[LEVEL], -elements.load[elements.after[g], 0]
+            level, slips = guard[LEVEL], -elements.load[elements.ways[g, AFTER], 0]
             sign, near = guard[SIGN], ROUNDING * max(abs(level), abs(y))
             beyond = sign * (guard[SPRING] * y - guard[SHARE] * p)
             at = abs(beyond - sign * slips) <= near
             if beyond - sign * level > near or (at and sign * guard[SPRING] * speed > 0.0):
-                modes.mode[e] = elements.after[g]
+                modes.mode[e] = elements.ways[g, AFTER]
 
 
 @inlined

@@ -85,8 +85,8 @@ class Modes(NamedTuple):
     """What elements carry along a motion; see `hpcsweep.model.elements`."""
 
     mode: np.ndarray = zeros("E", dtype=int)
-    state: np.ndarray = zeros("E")
-    """p, 0 at rest ..."""
+    state: np.ndarray = zeros("states")
+    """p, 0 at rest, behind it the memory of each slider, if any has one, see `degrading` ..."""
     path: np.ndarray = zeros("E")
     """... the sum of its changes; of a limit the time at which the motion has left it ..."""
     taken: np.ndarray = zeros("E", dtype=int)

@@ -219,6 +219,12 @@ def time_of(tau, model):
     return model.ramp[0, 2] + tau if model.ramp.shape[0] > 0 else tau
 
 
+@inlined
+def degrade(modes):
+    """Return whether some sliders degrade: all have a memory behind the states p."""
+    return modes.state.shape[0] > modes.mode.shape[0]
+
+
 @kernel
 def add_sliders(z, elements, stage, out):
     """Add the accelerations by the sliders in a state z to `out`, shape (R,)."""

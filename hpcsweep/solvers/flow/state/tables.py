@@ -32,6 +32,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile.places import allocate, part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.model.backbone import SIZE
+from hpcsweep.model.elements import TAKES
 from hpcsweep.model.kernel_model import Model, forcing_size
 from hpcsweep.model.observed import ACCELERATION, CONTACT, FLOOR
 from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES, N_PARTS
@@ -100,12 +102,14 @@ def sizes_of(model: Model) -> dict[str, int]:
     """
     n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
     m, n_loads = model.contacts.row.size, model.elements.stiffness.size
-    constant = forcing + n_loads
+    constant, count = forcing + n_loads, model.elements.first.size
     sizes = {"L": n_loads, "n": n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
     sizes["rigid"] = model.contacts.bounce.size
     sizes |= {"N": 2 * rows + constant + 1, "2H+L": constant}
     sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
-    sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
+    degrades = bool((model.elements.guard[:, TAKES] < 0.0).any())
+    sizes |= {"E": count, "states": count + degrades * SIZE * n_loads}
+    sizes |= {"n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes |= {"2 padded F": 2 * sizes["padded F"]}
@@ -114,7 +118,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     apart = not spared and are_apart(model)
     spared = spared or (model.layer > 0.0 and not apart)
     large = rows >= (LARGE if apart else LARGE_SPARED if spared else LARGE_COUPLED)
-    large = large and not sizes["rigid"]
+    large = large and not sizes["rigid"] and not degrades
     volterra = apart and model.layer > 0.0
     for name in ("2R", "N"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]

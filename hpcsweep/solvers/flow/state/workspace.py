@@ -39,9 +39,11 @@ class SeriesWorkspace(NamedTuple):
     field: np.ndarray = zeros("N", "padded R")
     """y'' of all rows in the augmented state, by its columns ..."""
     key: np.ndarray = zeros(2, dtype=np.uint64)
-    """... for this set, if the second is 1 ..."""
+    """... for this set, if the second is 2, of which there is `free` where it is not 0 ..."""
     free: np.ndarray = zeros("N", "padded R")
     """... and for the empty one."""
+    slope: np.ndarray = zeros("L")
+    """Part of its stiffness that a slider keeps in a set that has its bit."""
     reactions: np.ndarray = zeros("rigid", "N")
     """Of the contacts that rest in that set, by the augmented state, see `constraint`."""
     terms: np.ndarray = zeros(N_TERMS, "padded R+padded R")

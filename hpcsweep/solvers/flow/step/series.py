@@ -35,6 +35,8 @@ from hpcsweep.solvers.flow.state.tables import ECONOMISATION, N_COEFFICIENTS, ZE
 from hpcsweep.solvers.flow.state.workspace import N_TERMS
 from hpcsweep.solvers.flow.step.constraint import constrain_field
 
+ONLY_FREE, WHOLE = np.uint64(1), np.uint64(2)
+"""What there is of fields: that of the empty set, or that of the present one, too."""
 NEGLIGIBLE = 1e-17
 """Size of a term, in the largest of the first ones, from which on they are left out."""
 
@@ -56,7 +58,9 @@ def write_field(key, model, out):
     """Write y'' of all rows in the augmented state, (N, R) or more columns, for a set."""
     reactions = local_matrix(model.contacts.bounce.shape[0], out.shape[0])
     _write_free_field(model, out)
-    _add_set(key, model, out)
+    slopes = local_vector(model.elements.stiffness.shape[0])
+    slopes[:] = 0.0
+    _add_set(key, slopes, model, out)
     constrain_field(key, model, out, reactions)
 
 
@@ -79,8 +83,8 @@ def _write_free_field(model, out):
 
 
 @kernel
-def _add_set(key, model, out):
-    """Add the contacts that push to the field of the empty set, and sliders that slip."""
+def _add_set(key, slopes, model, out):
+    """Add the contacts that push to the field of the empty set, and sliders that slip or soften."""
     n_rows = model.stiffness.shape[0]
     contacts, elements = model.contacts, model.elements
     last = out.shape[0] - 1
@@ -96,11 +100,12 @@ def _add_set(key, model, out):
     for j in range(elements.stiffness.shape[0]):
         if key & contact_bit(contacts.row.shape[0] + j) == np.uint64(0):
             continue
+        taken = elements.stiffness[j] * (1.0 - slopes[j])
         for k in range(elements.reach.shape[1]):
             if elements.reach[j, k] == 0.0:
                 continue
             for i in range(n_rows):
-                out[k, i] += elements.stiffness[j] * elements.kick[j, i] * elements.reach[j, k]
+                out[k, i] += taken * elements.kick[j, i] * elements.reach[j, k]
 
 
 @kernel
@@ -115,14 +120,14 @@ def accelerations_of(x, key, model, series, out):
 @inlined
 def renew(key, model, series):
     """Write the field of a set, if it is not there."""
-    if series.key[0] != key or series.key[1] == np.uint64(0):
-        if series.key[1] == np.uint64(0):
+    if series.key[0] != key or series.key[1] != WHOLE:
+        if series.key[1] < ONLY_FREE:
             _write_free_field(model, series.free)
         for at in range(0, series.free.size, LANES):
             store(series.field, at, load(series.free, at))
-        _add_set(key, model, series.field)
+        _add_set(key, series.slope, model, series.field)
         constrain_field(key, model, series.field, series.reactions)
-        series.key[0], series.key[1] = key, np.uint64(1)
+        series.key[0], series.key[1] = key, WHOLE
 
 
 @kernel

@@ -37,7 +37,7 @@ from hpcsweep.kernels.simd.vectors import (
 )
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
 from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
-from hpcsweep.solvers.flow.state.state import Segment, contact_bit
+from hpcsweep.solvers.flow.state.state import Segment, contact_bit, degrade
 from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO
 from hpcsweep.solvers.flow.step.polynomials import (
     evaluate_rows,
@@ -126,7 +126,7 @@ def step_of(key, index, tau, end, tables):
 
 
 @inlined
-def is_series(key, tau, end, model, tables):
+def is_series(key, tau, end, model, modes, tables):
     """Return whether a step of a record is a series: no table, or one beside sliders to the end.
 
     A table have all sets where none slips, and all of a structure whose sets fit in the store: that
@@ -138,7 +138,7 @@ def is_series(key, tau, end, model, tables):
     if n_sliders == 0 or model.ramp.shape[0] == 0:  # the series are those of a ramp
         return False
     slips = key >> np.uint64(m) != np.uint64(0)
-    if slips and m + n_sliders > LARGEST_STORE and not in_modes(tables):
+    if slips and (degrade(modes) or m + n_sliders > LARGEST_STORE) and not in_modes(tables):
         return True
     left = end - tau
     begun = tau > 0.0 or not in_modes(tables)

@@ -1,16 +1,18 @@
 """Classify the motion that a state goes to: integrate until it is known, or a limit is reached.
 
-The motion is first watched for an orbit nearby, unless small differences grow, and then observed
-with a tangent vector. This stretch is extended, to twice its length up to `MIN_TORUS` periods and
-by a part of it from then on, and classified each time by its later part. A motion is
+The motion is first watched for an orbit nearby, and then observed with a tangent vector; where
+small differences grow, or a torus is likely, from the beginning of the window on. This stretch is
+extended, to twice its length up to `MIN_TORUS` periods and by a part of it from then on, and
+classified each time by its later part. A motion is
 
 - periodic if it has closed on or is verified to go to an orbit that does not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`stability.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
-- quasi-periodic if over `MIN_TORUS` periods or more weighted means over both halves agree to
-  `TORUS_DIGITS`, or `CALM_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not
-  below 0 with confidence, and no orbit is verified that the torus is locked to.
+- quasi-periodic if weighted means over both halves agree, to `TORUS_DIGITS` over `MIN_TORUS`
+  periods or more, or where it is `CALM` to `CALM_DIGITS`, so weighted there is no growth
+  (`birkhoff`), the exponent is not below 0 with confidence, and no orbit is verified that the torus
+  is locked to.
 
 An orbit is claimed only where Newton's method converges to rounding (`verification`): a motion that
 closes without one is slow, and followed. To an orbit that it approaches a motion jumps: the orbit
@@ -76,21 +78,25 @@ DRIVEN_AWAY = 36.0
 TURNS = 6
 """An orbit of long period is jumped to if its approach is geometric (`orbit.limit_of_approach`), or
 after this many turns."""
-TORUS_DIGITS = 5.0
-"""Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
-after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
-0.1025 down, exponent 0.0035 / T) to 2.6 to 4.7 after 400 to 3,200."""
+TORUS_DIGITS, LATER_DIGITS = 5.0, 4.5
+"""The latter from twice `MIN_TORUS` periods on. Of tori drawn from the map of Figure 6 as described
+weighted means agree to 4.7 to 11.2 digits after 800 periods and to more after more; those of chaos
+beside a torus (Figure 3 as described, A = 0.1025 down, exponent 0.0035 / T) to 2.6 to 4.7 after 400
+to 3,200, and grow. Of 2,374 chaotic motions one more passed with 4.5 from 800 periods on, none from
+1,500."""
 RETURNS = 8
 """Part of what is judged that an orbit may be long to which a torus is tried to be locked: with
 half in place of an eighth the tori of three frames (Omega = 0.425, 0.5, 0.716) took 1.7 times as
 long, and four of 90 were orbits of more than 1,000 periods."""
-HINT_DIGITS = 2.5
+HINT_DIGITS = 2.0
 """The same for a shorter stretch, after which as many periods are observed as a torus needs."""
-CALM_DIGITS, CALM = 4.0, 0.1
-"""Digits that suffice where the weighted growth of both halves of a stretch is within so much: of
-839 chaotic motions of five frames, judged 1 to 20 times each, none came to both. A torus whose
-whole growth is within it is tried to be locked to orbits of up to `MIN_TORUS` / `RETURNS` periods
-only: locked, it is the stretch times the orbit's exponent, once the motion has come there."""
+CALM_DIGITS, CALM = 3.5, 0.1
+"""Digits that suffice where the weighted growth of both halves of a stretch is within so much over
+`MIN_TORUS` periods, and in proportion over fewer, from `FIRST_STRETCH` on: of 2,374 chaotic motions
+and 828 orbits of 80 frames, judged over 200, 400 and 800 periods and each time after that, none
+came to both; of 2,372 tori three quarters did over 400. A torus whose whole growth is within it is
+tried to be locked to orbits of up to `MIN_TORUS` / `RETURNS` periods only: locked, it is the
+stretch times the orbit's exponent, once the motion has come there."""
 SEARCHED, SEARCHED_FREELY = 4, 1000
 """Newton's method takes no more than 1/4 of all periods, beyond the first 1,000: beside the ghost
 of a long orbit each search is as long as all that was observed."""
@@ -158,6 +164,7 @@ class _Classifier:
         self.last = np.empty((0, self._units.size))  # points of what was judged last
         self._logarithms = np.empty(0)  # of all that was observed
         self.stretch: Growth | None = None  # the stretch that is extended
+        self._window: Observation | None = None  # with which it begins
         self._tried: dict[int, int] = {}  # its length when it was tried to jump, by period
         self.growing = self.likely_torus = False
         self.cycles = self._searched = 0
@@ -189,6 +196,9 @@ class _Classifier:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         self._logarithms = stability.aligned(seen.logarithms)
         end, motion = self._judge(seen, len(seen.points) // 2)
+        if seen.direction is not None and (self.growing or self.likely_torus):
+            facts = seen.points, seen.outcome, seen.logarithms, seen.direction
+            self.stretch, self._window = Growth(*facts), seen
         return end, self._confirmed(motion, end)
 
     def carry_on(self, z: np.ndarray) -> Step:
@@ -204,12 +214,12 @@ class _Classifier:
         self._logarithms = np.concatenate((self._logarithms, added))
         self.stretch = stretch = seen if before is None else before.followed_by(seen)
         start = stretch.points[-1]
-        end, motion = self._closing(stretch.points)
+        end, motion = self._closing(stretch)
         if motion is None and np.array_equal(end, start):
             judged = max(MIN_TORUS, int(JUDGED * len(stretch.points)))
             end, motion = self._judge(stretch.last(judged))
         if not np.array_equal(end, start):  # a repelling orbit was left
-            self.stretch = None
+            self.stretch = self._window = None
             self._tried.clear()
         return end, self._confirmed(motion, end)
 
@@ -218,7 +228,8 @@ class _Classifier:
         size = 0 if self.stretch is None else len(self.stretch.points)
         if size >= MIN_TORUS:
             return size // CARRIED
-        return MIN_TORUS - size if self.likely_torus else max(size, FIRST_STRETCH)
+        more = max(size, FIRST_STRETCH)
+        return min(more, MIN_TORUS - size) if self.likely_torus else more
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
@@ -249,12 +260,12 @@ class _Classifier:
             z, ended = self.watch(z, WATCHED)
         return z, self.cycles - before, ended
 
-    def _closing(self, stretch: np.ndarray) -> Step:
+    def _closing(self, stretch: Growth) -> Step:
         """Look for an orbit of long period on which a stretch closes, and jump to it.
 
         It is also claimed where each of the last two turns has closed on the previous one.
         """
-        points, size, end = stretch / self._units, len(stretch), stretch[-1]
+        points, size, end = stretch.points / self._units, len(stretch.points), stretch.points[-1]
         period, distance = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         if not period:
             return end, None
@@ -262,9 +273,10 @@ class _Classifier:
         if distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrive(end, period)
         soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
+        soon = soon and stretch.logarithms[-3 * period :].sum() < 0
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
-            return self._jump(stretch, period)
+            return self._jump(stretch.points, period)
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
@@ -273,7 +285,9 @@ class _Classifier:
         `longest` is the longest period on which all of it may have closed.
         """
         points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
-        whole = seen if isinstance(seen, Observation) else None
+        # of a stretch that is judged as a whole the window with which it began
+        begun = self.stretch is not None and size == len(self.stretch.points)
+        whole = seen if isinstance(seen, Observation) else self._window if begun else None
         growth, self.last = self.growth, seen.points
         self.growing = seen.growth > NEUTRAL_GROWTH
         # short orbits where the last points have closed, long ones where all have
@@ -287,10 +301,8 @@ class _Classifier:
             if not beside or seen.logarithms[:third].sum() > DRIVEN_AWAY:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = orbit.approached_period(points, LONGEST, NEAR)
-        if period:
-            # no torus is sought among points that approach an orbit
-            return self._jump(seen.points, period)
-        return end, self._torus(points, seen, whole)
+        there = self._jump(seen.points, period)[1] if period else None
+        return end, there or self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
         """Recognise a torus, or the orbit that it is locked to, by points in state units."""
@@ -298,15 +310,17 @@ class _Classifier:
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= MIN_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
         self.likely_torus = neutral and digits >= HINT_DIGITS
-        if size < MIN_TORUS or digits < CALM_DIGITS or not growth_vanishes(seen.logarithms):
+        if size < FIRST_STRETCH or digits < CALM_DIGITS or not growth_vanishes(seen.logarithms):
             return None
         *halves, grown = np.abs(weighted_growth(seen.logarithms)).tolist()
-        if digits < TORUS_DIGITS and max(halves) > CALM:
+        calm = max(halves) <= CALM * min(size / MIN_TORUS, 1.0)
+        needed = TORUS_DIGITS if size < 2 * MIN_TORUS else LATER_DIGITS
+        if not calm and (digits < needed or size < MIN_TORUS):
             return None
         growth = stability.growth_interval(seen.logarithms)
-        longest = (size if grown > CALM else MIN_TORUS) // RETURNS
+        longest = min((size if grown > CALM else MIN_TORUS) // RETURNS, size // 3)
         period = orbit.returning_period(points, longest, NEAR)
-        locked = self._jump(seen.points, period)[1] if period else None
+        locked = self._jump(seen.points, period, period <= LONGEST)[1] if period else None
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
@@ -314,13 +328,14 @@ class _Classifier:
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return orbit.closed_period(points, max_period, self._same)
 
-    def _jump(self, points: np.ndarray, period: int) -> Step:
+    def _jump(self, points: np.ndarray, period: int, hasty: bool = True) -> Step:
         """Jump to the orbit that the motion approaches, if it is verified to go there.
 
         At least 3 `period` of its points are needed.
         """
         end, limit = points[-1], orbit.limit_of_approach(points / self._units, period)
-        there = self._verified(end if limit is None else limit * self._units, period)
+        z = end if limit is None else limit * self._units
+        there = self._verified(z, period, hasty=hasty)
         if there is None or there.multiplier >= 1.0:
             return end, None
         before, after = (points[[-1 - period, -1]] - there.points[0]) / self._units
@@ -340,18 +355,20 @@ class _Classifier:
             z = point + PUSH * self._units * np.cos(np.arange(z.size))
         return z, None
 
-    def _verified(self, z: np.ndarray, period: int, reach: float = REACH) -> VerifiedOrbit | None:
+    def _verified(
+        self, z: np.ndarray, period: int, reach: float = REACH, hasty: bool = False
+    ) -> VerifiedOrbit | None:
         """Return the orbit near a state, if there is one, and if it may be searched for."""
         if self._searched > max(self.cycles // SEARCHED, SEARCHED_FREELY):
             return None
-        found = self._search(z, period, reach)
+        found = self._search(z, period, reach, hasty)
         if found is None and not TANGENTS.of(self._solver.structure):
             inner = moved_inward(self._solver, z, self._amplitude, period)
-            found = self._search(inner, period, reach)
+            found = self._search(inner, period, reach, hasty)
         return found
 
-    def _search(self, z: np.ndarray, period: int, reach: float) -> VerifiedOrbit | None:
-        verdict = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
+    def _search(self, z, period: int, reach: float, hasty: bool) -> VerifiedOrbit | None:
+        verdict = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll, hasty)
         self.cycles += verdict.cycles
         self._searched += verdict.cycles
         return verdict.orbit

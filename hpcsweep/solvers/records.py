@@ -146,6 +146,8 @@ class Observation:
         it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic``,
         the growth of its lasting elongation a forcing period; ``excursions``, how often it slips,
         and ``slipping``, at the end of how many periods it does.
+    direction : ndarray, shape (2n,), optional
+        As in `Growth`, where it can go on.
     """
 
     points: np.ndarray
@@ -157,6 +159,7 @@ class Observation:
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
     measures: Measures | None = None
     slid: dict[str, np.ndarray] = field(default_factory=dict)
+    direction: np.ndarray | None = None
 
     @property
     def is_free(self) -> bool:

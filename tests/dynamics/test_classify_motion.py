@@ -1,6 +1,7 @@
 """Decided motions, on maps whose motion is known from theory and on structures."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -163,6 +164,23 @@ def test_a_window_is_the_first_round():
     motion = reported(solver, window.points[-1], window=window)
     assert (motion.kind, motion.cycles) == (MotionClass.CHAOTIC, CONFIRMED)
     assert motion.seen is window
+
+
+def test_a_torus_is_told_from_its_window_on():
+    """What its window shows is what it is."""
+    solver = circle(GOLDEN, 1, 0.3)
+    state = solver.points((0.3, 0.4), 1.0, 500)[0][-1]
+    seen = solver.grow(state, 1.0, 100)
+    rest = seen.outcome, seen.growth, seen.logarithms
+    window = Observation(seen.points, 1, 0.0, np.full(1, math.nan), *rest)
+    alone = reported(solver, window.points[-1], window=window)
+    window = replace(window, direction=seen.direction)
+    motion = reported(solver, window.points[-1], window=window)
+    assert motion.kind is alone.kind is MotionClass.QUASI_PERIODIC
+    assert motion.cycles == alone.cycles == 200
+    assert (motion.seen, alone.seen) == (window, None)
+    assert len(motion.points) == 300
+    np.testing.assert_array_equal(motion.points[:100], window.points)
 
 
 @pytest.mark.parametrize("amplitude", [0.06, 0.068, 0.0987])

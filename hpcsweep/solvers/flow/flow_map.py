@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -249,7 +250,10 @@ class FlowMap:
             tangent = self._units.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
-        return self._gathered(points, outcome, modal_norm, measures, logarithms)
+        seen = self._gathered(points, outcome, modal_norm, measures, logarithms)
+        if tangent is not None:
+            seen = replace(seen, direction=self._units.tangent_out_of(tangent).ravel())
+        return seen
 
     def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
         """Integrate states, shape (p, 2n), over one forcing period each, and gather.

@@ -210,13 +210,7 @@ class _Specialised(EntryPoint):
 
     def __init__(self, entry: EntryPoint, kernels: "SpecialisedKernels"):
         function, key = entry.py_func, kernels.specialisation.key
-        again = python_types.FunctionType(
-            function.__code__,
-            function.__globals__,
-            function.__name__,
-            function.__defaults__,
-            function.__closure__,
-        )
+        again = python_types.FunctionType(function.__code__, function.__globals__)
         again.__module__, again.__doc__ = function.__module__, function.__doc__
         # names the file of the kernel, and its LLVM function
         again.__qualname__ = specialised_name(function, key)

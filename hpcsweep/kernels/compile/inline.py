@@ -75,10 +75,18 @@ class _WholeLibrary(JITCodeLibrary):
     def _optimize_final_module(self):
         """Optimise, then keep the parts that are left as functions to this kernel alone.
 
+        Loops over lengths that are not known have few turns: as numba has them unrolled and
+        vectorised, code and LLVM's time are twice as large, and motions take a tenth longer.
         As functions that any module may define (``linkonce_odr``) the first copy that a process
         loads would serve all kernels: one whose calls lead to kernels of other sizes.
         """
-        super()._optimize_final_module()
+        passes, builder = self._codegen._module_pass_manager(opt=0, cost="cheap")
+        passes.run(self._final_module, builder)
+        tuning = binding.create_pipeline_tuning_options(speed_level=3)
+        tuning.loop_vectorization = tuning.loop_unrolling = specialise.current is not None
+        tuning.slp_vectorization = True
+        builder = binding.create_pass_builder(self._codegen._tm, tuning)
+        builder.getModulePassManager().run(self._final_module, builder)
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
                 function.linkage = "internal"

@@ -49,29 +49,27 @@ def specialised_name(function, key: str) -> str:
     return f"{function.__qualname__}_{key}"
 
 
-_current: tuple[Specialisation, dict[str, str]] | None = None
+current: tuple[Specialisation, dict[str, str]] | None = None
 
 
 @contextlib.contextmanager
-def compiling(current: tuple[Specialisation, dict[str, str]] | None) -> Iterator[None]:
+def compiling(wanted: tuple[Specialisation, dict[str, str]] | None) -> Iterator[None]:
     """Specialise what is compiled within the context; None: an inlined part, which kernels share.
 
     With a specialisation there are the replacements of the symbols that hold the addresses of
     kernels.
     """
-    global _current  # numba compiles under one lock
-    before, _current = _current, current
+    global current  # numba compiles under one lock
+    before, current = current, wanted
     try:
         yield
     finally:
-        _current = before
+        current = before
 
 
 def rename_addresses(module) -> None:
     """Redirect the calls of an LLVM module to kernels with the same specialisation."""
-    if _current is None:
-        return
-    _, renamed = _current
+    renamed = current[1] if current else {}
     for variable in module.global_variables:
         if variable.name in renamed:
             variable.name = renamed[variable.name]
@@ -79,9 +77,9 @@ def rename_addresses(module) -> None:
 
 def known_words(builder, kind):
     """Return the address of the words of arrays where they are known, as constants; else None."""
-    if _current is None or _current[0].kind != kind:
+    if current is None or current[0].kind != kind:
         return None
-    sizes = _current[0]
+    sizes = current[0]
     name = f"words of {sizes.key}"
     if name not in builder.module.globals:
         form = ir.ArrayType(ir.IntType(64), len(sizes.words))

@@ -84,9 +84,7 @@ def of_each(
         if rule:
             is_set = v.flags == CONTACT_SET
             right = (values & unknown) == 0 if is_set else (values >= least) & (values <= most)
-            wrong = ~_over(np.all, right, inner)
-            if v.optional:
-                wrong &= ~missing
+            wrong = ~_over(np.all, right | nothing if v.optional else right, inner)
             if v.failed != VALID:
                 wrong &= held
             broken[f"{v.name} {rule}"] = _over(np.any, wrong, outer)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number, positive, refused, wrong
+from hpcsweep.model.arguments import finite, number, positive, refused, wrong
 from hpcsweep.model.backbone import Backbone, read_backbone
 from hpcsweep.model.flags import flag_modes
-from hpcsweep.model.vectors import Vector, direction_of
+from hpcsweep.model.vectors import Vector, direction_of, vector
 
 MAX_LABEL = 100
 """Characters of a name."""
@@ -127,6 +127,7 @@ class Slider:
 
         if self.backbone is None:
             raise wrong("slider.backbone", "is missing: others have no memory")
+        elongations = vector("elongations", elongations, None, read=finite)
         return self.stiffness * np.array(along(np.array(self.memory(1.0)), elongations))
 
     def memory(self, length: float) -> list[float]:

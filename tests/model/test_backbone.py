@@ -142,6 +142,9 @@ def test_harmonic_motions_of_what_degrades_are_refused():
 def test_a_structure_without_memory_has_no_path():
     with pytest.raises(ValueError, match=r"slider.backbone is missing: others have no memory"):
         hpcsweep.Slider((1.0,), 1.0, 1.0).path([1.0])
+    slider = hpcsweep.Slider((1.0,), 1.0, 1.0, backbone=hpcsweep.Backbone(1.0, 2.0))
+    with pytest.raises(ValueError, match="elongations must be"):
+        slider.path([1.0, float("nan")])
 
 
 def test_responses_at_a_scale_are_those_of_lengths_over_it():

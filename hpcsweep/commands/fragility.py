@@ -237,10 +237,10 @@ def _demands(options, results, study) -> int:
         columns["spectral_acceleration"] = {period: (factor * spectral / g)[stands]}
     if "collapsed" in runs:
         fragility = _collapses(results, study, period, spectral)
-        names_of = listed[~stands].tolist()
-        notes.append(f"{len(names_of)} of {stands.size} runs collapse, see {beside.name}")
+        collapses = listed[~stands].tolist()
+        notes.append(f"{len(collapses)} of {stands.size} runs collapse, see {beside.name}")
         with writing(beside):
-            told = {"CollapseFragility": fragility, "unit": "mps2", "collapsed": names_of}
+            told = {"CollapseFragility": fragility, "unit": "mps2", "collapsed": collapses}
             beside.write_text(json.dumps(told, indent=1) + "\n")
     note, records = "; ".join(notes), listed[stands].tolist()
     write_demands(options.demands, **columns, unit="g", records=records, note=note)

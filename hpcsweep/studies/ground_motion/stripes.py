@@ -127,7 +127,7 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
         label += " ratio"
     values = np.abs(array.values * factor).astype(float)
     values[results["outcome"].values != Outcome.COMPLETE] = np.nan
-    if response == COLLAPSE or "collapsed" in results:
+    if "collapsed" in results:
         values[fallen(results)] = np.inf
     free = values if LINEAR.of(structure) and not structure.contacts else None
     for beside in {f"{name}_{kind}" for kind in BESIDE} & {*results}:

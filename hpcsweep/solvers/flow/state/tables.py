@@ -106,8 +106,9 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes = {"L": n_loads, "n": n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
     sizes["rigid"] = model.contacts.bounce.size
     sizes |= {"N": 2 * rows + constant + 1, "2H+L": constant}
-    sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
     degrades = bool((model.elements.guard[:, TAKES] < 0.0).any())
+    tabled = m if degrades else m + n_loads
+    sizes |= {"T": min(2**tabled, MAX_TABLES), "W": len(model.watched)}
     sizes |= {"E": count, "states": count + degrades * SIZE * n_loads}
     sizes |= {"n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}

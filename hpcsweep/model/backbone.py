@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from hpcsweep.model.arguments import number, plain, refused, wrong
+from hpcsweep.model.arguments import number, refused, wrong
+from hpcsweep.model.vectors import listed
 
 SIZE = 37
 """Of the memory of a slider, see `hpcsweep.model.degrading`."""
@@ -174,21 +175,19 @@ def read_backbone(name: str, value: Any) -> Backbone | None:
 def read_backbones(name: str, value: Any, n: int) -> tuple[Backbone | None, ...]:
     """Read those of n storeys: one for all, a table whose values may be lists, or a list."""
     if isinstance(value, Mapping):
-        lists = {key: plain(one) for key, one in value.items()}
-        for key, one in lists.items():
-            if isinstance(one, list | tuple) and len(one) != n:
-                raise wrong(
-                    f"{name}.{key}", f"must have {n} numbers, one per storey, has {len(one)}"
-                )
-        rows = (
-            {k: v[i] if isinstance(v, list | tuple) else v for k, v in lists.items()}
+        columns = {key: listed(one) for key, one in value.items()}
+        for key, column in columns.items():
+            if column is not None and len(column) != n:
+                limit = f"must have {n} numbers, one per storey, has {len(column)}"
+                raise wrong(f"{name}.{key}", limit)
+        value = [
+            {key: value[key] if column is None else column[i] for key, column in columns.items()}
             for i in range(n)
-        )
-        value = tuple(read_backbone(name, row) for row in rows)
-    listed = tuple(value) if isinstance(value, list | tuple) else (value,) * n
-    if len(listed) != n:
-        raise wrong(name, f"must have {n} entries, one per storey, has {len(listed)}")
-    read = tuple(read_backbone(name, one) for one in listed)
+        ]
+    each = [value] * n if (entries := listed(value)) is None else entries
+    if len(each) != n:
+        raise wrong(name, f"must have {n} entries, one per storey, has {len(each)}")
+    read = tuple(read_backbone(name, one) for one in each)
     if any(one is not None and one.hardening for one in read):
         raise wrong(f"{name}.hardening", "is given by the hardening of the storey")
     return read

@@ -51,7 +51,7 @@ def static_equilibrium(
     plastic : ndarray, shape (L,), optional
         Lasting elongations p of the sliders, which stick: the loads k p.
     share : ndarray, shape (L,), optional
-        Part of k that each slider still has; 1 unless given. NaN where K is then not definite.
+        Part of k that each of these still has; the result is NaN where K is then not definite.
 
     Raises
     ------
@@ -60,9 +60,8 @@ def static_equilibrium(
     """
     load = np.zeros(structure.n_floors)
     stiffness, held = structure.stiffness_matrix, structure.held_stiffness
-    if plastic is not None:
+    if plastic is not None and share is not None:
         spring = np.array([slider.stiffness for slider in structure.sliders])
-        share = np.ones(len(spring)) if share is None else share
         load = (spring * share * plastic) @ structure.slider_directions
         if (share != 1.0).any():
             less = structure.of_sliders(spring * (1.0 - share))

@@ -213,7 +213,7 @@ def response_of(
     strength = np.array([slider.strength for slider in structure.sliders])
     elongation, path = slid.elongation * length, slid.path * length
     plastic = slid.plastic * length
-    yielding = np.where(slid.excursions, strength, spring * elongation)
+    reached = np.where(np.isnan(slid.largest), strength, spring * slid.largest * length)
     lasting = np.full(n, math.nan if ended.collapsed else 0.0)
     if plastic.any() and not ended.collapsed:
         lasting = _lasting(structure, plastic, slid.stiffness) - structure.rest[:n]
@@ -233,11 +233,7 @@ def response_of(
         acceleration_time=times["floor_acceleration"],
         force_time=times["contact_force"],
         ductility=elongation * spring / strength,
-        slider_force=np.where(
-            np.isnan(slid.largest) | (slid.excursions == 0),
-            yielding,
-            spring * slid.largest * length,
-        ),
+        slider_force=np.where(slid.excursions, reached, spring * elongation),
         plastic=plastic,
         plastic_path=path,
         excursions=slid.excursions,

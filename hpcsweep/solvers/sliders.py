@@ -1,7 +1,6 @@
 """The sliders of a structure between the kernels' modes and their lasting elongations p."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,23 +22,6 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 
 
-class Degraded(NamedTuple):
-    """How sliders that degrade have ended, shapes (L,), in the kernels' units."""
-
-    which: np.ndarray
-    stiffness: np.ndarray
-    """Part of k with which each unloads, 0 without force ..."""
-    plastic: np.ndarray
-    """... and the elongation to which."""
-    path: np.ndarray
-    """Energy that it has dissipated over its strength."""
-    slips: np.ndarray
-    force: np.ndarray
-    """Largest at events and at the end, over k."""
-    lost: np.ndarray
-    """Time at which its force was lost, NaN if it was not."""
-
-
 class Sliders:
     """Sliders of a structure, the last L elements of a model.
 
@@ -55,8 +37,7 @@ class Sliders:
         self._spring, self._taken = np.array(springs).reshape(-1, 2).T
         self._unit = structure.length_unit
         memory = [slider.memory(self._unit) for slider in structure.sliders]
-        self._degrade = any(memory)
-        self.memory = np.array([one or [0.0] * SIZE for one in memory if self._degrade])
+        self.memory = np.array([each or [0.0] * SIZE for each in memory if any(memory)])
         self.own = slice(len(elements.rows) - count, len(elements.rows))
         self._above, below = elements.rows[self.own].T
         self._below, self._lower = np.maximum(below, 0), np.where(below >= 0, 1.0, 0.0)
@@ -79,8 +60,8 @@ class Sliders:
         """Return the forces of the sliders, shape (..., L), at states (..., 2R) of the kernels."""
         slips = self._elements.sets[mode[..., self.own], 1] > 0
         taken = self._taken
-        if self._degrade:
-            taken = taken * (1.0 - self._memory(state)[..., SLOPE])
+        if self.memory.size:
+            taken = taken * (1.0 - self.memories(state)[..., SLOPE])
         spring = np.where(slips, self._spring - taken, self._spring)
         force = spring * self.elongation(z) - self._taken * self.load(mode, state)
         return force * (self.sign * self._unit)
@@ -92,29 +73,27 @@ class Sliders:
         plastic = np.where(takes, load + self.elongation(z), load)  # a flag at home: 0, not state
         return plastic, np.abs(plastic - state)
 
-    def _memory(self, state: np.ndarray) -> np.ndarray:
+    def memories(self, state: np.ndarray) -> np.ndarray:
         """Return the memory of each, shape (..., L, B), in states of all elements."""
         shape = *state.shape[:-1], self._spring.size, SIZE
         return state[..., len(self._elements.rows) :].reshape(shape)
 
-    def degraded(self, z: np.ndarray, modes) -> Degraded:
-        """Return how those that degrade have ended; of others the part 1 and no loss."""
-        if not self._degrade:
-            size = self._spring.size
-            none = np.zeros(size)
-            return Degraded(none > 0.0, none + 1.0, none, none, none, none, none + math.nan)
-        memory = np.moveaxis(self._memory(modes.state), -1, 0)
+    def degraded(self, z: np.ndarray, modes, rate: float) -> tuple[np.ndarray, dict]:
+        """Return which degrade, and what they have done by the names of `Slid`, times in `rate`."""
+        memory = np.moveaxis(self.memories(modes.state), -1, 0)
         y, load = self.elongation(z), self.load(modes.mode, modes.state)
-        force, degrades = memory[SLOPE] * y - load, memory[YIELD] > 0.0
-        last, stiffness = memory[LAST], np.where(degrades, memory[UNLOADS], 1.0)
+        force, which = memory[SLOPE] * y - load, memory[YIELD] > 0.0
+        last, stiffness = memory[LAST], np.where(which, memory[UNLOADS], 1.0)
         work = memory[WORK] + (0.5 * memory[SLOPE] * (y + last) - load) * (y - last)
         lost = modes.mode[self.own] == self._elements.first[self.own] + NO_FORCE
-        path = (work - 0.5 * force**2 / stiffness) / np.where(degrades, memory[YIELD], 1.0)
-        stiffness = np.where(lost & degrades, 0.0, stiffness)
-        times = np.where(stiffness > 0.0, math.nan, memory[LOST])
-        peak = np.maximum(memory[PEAK], np.abs(force))
-        plastic = y - force / np.where(degrades, memory[UNLOADS], 1.0)
-        return Degraded(degrades, stiffness, plastic, path, memory[SLIPS], peak, times)
+        return which, {
+            "plastic": self.sign * (y - force / stiffness),
+            "path": (work - 0.5 * force**2 / stiffness) / np.where(which, memory[YIELD], 1.0),
+            "excursions": memory[SLIPS].astype(int),
+            "stiffness": np.where(lost, 0.0, stiffness),
+            "lost": np.where(lost, memory[LOST] / rate, math.nan),
+            "largest": np.maximum(memory[PEAK], np.abs(force)),
+        }
 
     def slips(self, z: np.ndarray, modes) -> np.ndarray:
         """Return whether p of each has changed by more than rounding since it last stuck."""

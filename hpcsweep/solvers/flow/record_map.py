@@ -122,21 +122,23 @@ class RecordMap:
         if not self.structure.sliders:
             return NONE_SLID
         state, change = sliders.plastic(z, modes)
-        degraded, rate = sliders.degraded(z, modes), self.structure.frequency_unit
-        which = degraded.which
+        none = np.full(state.size, math.nan)
         rows, drifts = model.elements.rows[sliders.own].tolist(), model.drift_rows.tolist()
-        return Slid(
+        slid = Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
             force=sliders.force(z, modes.mode, modes.state),
-            plastic=sliders.sign * np.where(which, degraded.plastic, state),
-            path=np.where(which, degraded.path, modes.path[sliders.own] + change),
-            excursions=np.where(
-                which, degraded.slips, modes.taken[sliders.own] + sliders.slips(z, modes)
-            ).astype(int),
-            stiffness=degraded.stiffness,
-            lost=degraded.lost / rate,
-            largest=np.where(which, degraded.force, math.nan),
+            plastic=sliders.sign * state,
+            path=modes.path[sliders.own] + change,
+            excursions=modes.taken[sliders.own] + sliders.slips(z, modes),
+            stiffness=np.ones(state.size),
+            lost=none,
+            largest=none,
         )
+        if not sliders.memory.size:
+            return slid
+        which, of_these = sliders.degraded(z, modes, self.structure.frequency_unit)
+        values = {k: np.where(which, v, getattr(slid, k)) for k, v in of_these.items()}
+        return slid._replace(**values)
 
     def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome, bool]:
         """Advance z over a record and its tail, in place.

@@ -176,8 +176,9 @@ class ResponseTally(BaseTally):
             name: most | dict(zip(units, grid.intensities(most["scale"]), strict=True))
             for name, most in self.largest.items()
         }
-        for name in {"collapsed", "strength_lost"} & {*self.counts["all"]}:
-            counts[name] = share(self.counts["all"][name], done)
+        for name in "collapsed", "strength_lost":
+            if name in self.counts["all"]:
+                counts[name] = share(self.counts["all"][name], done)
         return counts | {
             "records": sizes["record"],
             "scales": sizes["scale"],

@@ -145,7 +145,7 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
 def fallen(results) -> np.ndarray:
     """Return which motions have collapsed, or leave nothing that stands, shape of the runs.
 
-    No displacement is at rest where storeys that stand have lost their strength.
+    Nothing stands at the end of a whole motion that has no residual drift.
     """
     stands = results["collapsed"].values == 0
     if "strength_lost" in results:

@@ -52,29 +52,34 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.store import open_results as open_results
     from hpcsweep.studies.attractors.runs import attractors as attractors
 
+    __version__: str
+else:  # at run time alone, so that a type checker sees names that are not there
 
-@functools.cache
-def _homes() -> dict[str, str]:
-    """Return the module of each public name: the lines above, which are read as text."""
-    import ast
-    from pathlib import Path
+    @functools.cache
+    def _homes() -> dict[str, str]:
+        """Return the module of each public name: the lines above, which are read as text."""
+        import ast
+        from pathlib import Path
 
-    return {
-        name.name: str(node.module)
-        for node in ast.walk(ast.parse(Path(__file__).read_text()))
-        if isinstance(node, ast.ImportFrom)
-        for name in node.names
-        if name.asname
-    }
+        return {
+            name.name: str(node.module)
+            for node in ast.walk(ast.parse(Path(__file__).read_text()))
+            if isinstance(node, ast.ImportFrom)
+            for name in node.names
+            if name.asname
+        }
 
+    def __getattr__(name: str):
+        """Import public names when they are first used, so that the command line starts fast."""
+        if name == "__version__":
+            return importlib.import_module("hpcsweep.campaign.provenance").version()
+        homes = _homes()
+        if name == "__all__":
+            return sorted({*homes, "__version__"})
+        if name not in homes:
+            raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
+        return getattr(importlib.import_module(homes[name]), name)
 
-def __getattr__(name: str):
-    """Import public names when they are first used, so that the command line starts fast."""
-    if name == "__version__":
-        return importlib.import_module("hpcsweep.campaign.provenance").version()
-    homes = _homes()
-    if name == "__all__":
-        return sorted({*homes, "__version__"})
-    if name not in homes:
-        raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
-    return getattr(importlib.import_module(homes[name]), name)
+    def __dir__() -> list[str]:
+        """Tell public names, to those who complete them."""
+        return __getattr__("__all__")

@@ -1,6 +1,7 @@
 """The claims: each with made-up sweeps that say yes and no, and the real ones of Figure 3."""
 
 import json
+import re
 from dataclasses import replace
 
 import answer_claims
@@ -13,7 +14,7 @@ from claims.judge import judge_files
 from claims.judgement import Hits
 from claims.reading import open_frames, read_map
 from claims.words import C3, C13, C23, C123
-from tools import PAPER, SMALL
+from tools import PAPER, ROOT, SMALL, hpcsweep
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.job import load_job, parse_job
@@ -341,3 +342,18 @@ def test_claims_of_figure_3(tmp_path, name):
     assert verdicts["8"] is YES
     assert verdicts["9"] is YES
     assert verdicts["6"] is verdicts["7"] is CANNOT_TELL
+    (summary,) = json.loads(hpcsweep(0, "summary", path, "--json").stdout)
+    wrong, missed = (summary["window_test"][key] for key in ("wrong", "missed"))
+    kinds = [summary["classes"][key]["runs"] for key in ("chaotic", "long period", "undecided")]
+    column = 1 + list(EXPECTED).index(name)
+    for row, told in (
+        ("periods claimed that are wrong", str(wrong)),
+        ("orbits missed", str(missed)),
+        ("chaotic, long period, undecided", ", ".join(map(str, kinds))),
+    ):
+        (line,) = re.findall(rf"^\| {row} \|.*$", (ROOT / "docs/study.md").read_text(), re.M)
+        assert line.strip("| ").split(" | ")[column] == told, row
+    if variant == "described":
+        assert f"{wrong} wrong, {missed} missed" in (ROOT / "docs/reliability.md").read_text()
+        said = f"{wrong} of 862 runs a wrong period and miss {missed} orbits"
+        assert said in (ROOT / "README.md").read_text()

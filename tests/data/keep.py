@@ -9,6 +9,7 @@ files of a job runs this, which takes a minute, and compiling before it.
 import contextlib
 import json
 import os
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -81,6 +82,7 @@ block = 2
 history = 0.1
 floor_spectra = {periods = [0.1, 0.5]}
 """
+BACKBONE = 'backbone = {theta_p = 0.02, theta_pc = 0.02, Lambda = 0.2, rule = "peak-oriented"}'
 KEPT = {
     "sweep": RUNS + "lyapunov = true\nstorey_drift = true\nfloor_acceleration = true\n",
     "along": RUNS.replace("[sweep]", '[sweep]\nalong = "omega"'),
@@ -108,6 +110,9 @@ KEPT = {
     "yielding-records": RECORDS.replace(
         "storey_height", "yield_drift = 0.01\nhardening = 0.02\nstorey_height"
     ).replace("history = 0.1", "energy = true"),
+    "degrading-records": RECORDS.replace(
+        "storey_height", f"yield_drift = 0.01\ncollapse_drift = 0.25\n{BACKBONE}\nstorey_height"
+    ),
 }
 """Jobs by the names of their files; `branches` reads `seeds`."""
 
@@ -143,7 +148,7 @@ def contents(path: Path) -> dict[str, object]:
 
 
 def shown() -> dict[str, str]:
-    """Return the texts of the jobs of guides, which are whole, and of jobs/."""
+    """Return the texts of the jobs of guides and gallery, which are whole, and of jobs/."""
     from test_blocks import PAGES, blocks, completed, merge, write
 
     from hpcsweep.job import load_job
@@ -157,6 +162,10 @@ def shown() -> dict[str, str]:
             whole = merge(whole, tree) if is_more else completed(tree)
             if "extends" not in tree:
                 texts[f"{page.stem}-{number}"] = write(whole, {})
+    for path in sorted((ROOT / "docs" / "gallery").glob("*.py")):
+        for number, text in enumerate(re.findall(r'\("""\\\n(.*?)"""', path.read_text(), re.S)):
+            if "extends" not in tomllib.loads(text):
+                texts[f"{path.stem}-{number}"] = text
     for path in sorted((ROOT / "jobs").rglob("*.toml")):
         texts[str(path.relative_to(ROOT))] = load_job(path).text
     return texts

@@ -218,3 +218,4 @@ def test_every_public_name_is_on_the_page_of_python():
     page = (DOCS / "python.md").read_text()
     listed = re.findall(r"^\.\. auto(?:class|function):: (\w+)$", page, re.MULTILINE)
     assert sorted(set(hpcsweep_api.__all__) - {"__version__"}) == sorted(listed)
+    assert dir(hpcsweep_api) == hpcsweep_api.__all__

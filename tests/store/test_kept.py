@@ -122,6 +122,7 @@ def test_a_version_with_other_variables_and_meanings_reads_a_file(name, folder, 
 def test_runs_of_a_kept_file_are_computed_again(name, folder):
     done = hpcsweep(0, "validate", f"{name}.h5", "--samples", "2")
     assert done.returncode == 0, done.stdout
+    assert "means other runs" not in done.stdout
 
 
 def test_only_the_version_that_wrote_a_file_goes_on_with_it(folder, monkeypatch):

@@ -183,3 +183,6 @@ def test_five_libraries_suffice_to_compute(tmp_path):
     for command in ("summary", "plot", "explore"):
         assert said(command, "packed.h5", code=2) == needed, command
     assert "needs pandas, which is not installed" in said("table", "packed.h5", code=2)
+    needed = needed.replace("xarray", "matplotlib")
+    for ranks in (0, 2):
+        assert needed in said("animate", "packed.h5", ranks=ranks, code=2)

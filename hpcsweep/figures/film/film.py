@@ -14,6 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import matplotlib  # noqa: F401  (a rank that lacks it stops here, before it meets the others)
+from PIL import Image
+
 from hpcsweep.figures.film.frames import Film, Request, joined
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
@@ -87,8 +90,6 @@ def make(request: Request, comm, progress: Callable[[int, int], Any] | None = No
     PlotError
         On every rank, if no run is complete.
     """
-    from PIL import Image
-
     name = f".{request.output.name}."
     new_folder = partial(tempfile.mkdtemp, prefix=name, dir=request.output.parent)
     folder = Path(_on_first(request, comm, new_folder))
@@ -154,8 +155,7 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
     try:
         return on_master(comm, do, OSError)
     except OSError as error:
-        problem = f"{request.output}: cannot be written: {error.strerror or error}"
-        raise PlotError(problem) from None
+        raise PlotError(f"{request.output}: cannot be written: {error.strerror or error}") from None
 
 
 def _finish(request: Request, folder: Path) -> None:

@@ -108,8 +108,7 @@ def branch(
     low, high = span_of(span, parameter, value)
     scale = high - low
     n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
-    limits = Limits(low, high, n_steps, largest)
-    catalogue = catalogue_of(forced, limits, scale, nearby.period, 1)
+    catalogue = catalogue_of(forced, Limits(low, high, n_steps, largest), scale, nearby.period, 1)
     catalogue.add(nearby.points / forced.units, value)
     catalogue.grow()
     return _of_branch(catalogue, forced).assign_attrs(formulas=", ".join(ties))

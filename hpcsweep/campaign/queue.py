@@ -219,5 +219,4 @@ class Queue:
                 with contextlib.suppress(WriteError):
                     work.end("failed", seconds, self._traffic, self._display)
             else:
-                ended = reason, seconds, self._traffic, self._display
-                self._guarded(k, partial(work.end, *ended))
+                self._guarded(k, partial(work.end, reason, seconds, self._traffic, self._display))

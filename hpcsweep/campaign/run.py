@@ -141,9 +141,8 @@ def _run_opened(opened: list[Opened], comm, flag, hosts, progress, say, reuse) -
         _compile(comm, [layout.job.study for layout, _, _ in opened], flag, say)
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
-            earlier = store.Reuse(layout, reuse)
             kind = RoundsWork if layout.growth else RankWork
-            works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
+            works.append(kind(comm, output, campaign, flag, hosts, say, store.Reuse(layout, reuse)))
         queue = Queue(comm, works, flag)
         try:
             queue.do(progress)

@@ -86,8 +86,7 @@ def _motions(options, frames):
         f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
-    advice = "fewer --points, a --frame-step or --amplitude-step"
-    return build_page(study), contents, advice
+    return build_page(study), contents, "fewer --points, a --frame-step or --amplitude-step"
 
 
 def _responses(options, frames):

@@ -43,8 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def _defaults(every: dict[str, Figure]) -> dict[str, str]:
     """Return the default figure for each kind of results: the first that draws it."""
-    drawn = [(what, name) for name, figure in every.items() for what in figure.draws]
-    return dict(reversed(drawn))
+    return dict(reversed([(what, name) for name, figure in every.items() for what in figure.draws]))
 
 
 def _default(job, every: dict[str, Figure]) -> str:

@@ -125,8 +125,7 @@ def _tables(frames, what: str | None, place: str | None) -> Iterator:
         held = [column.variable for column in wanted.values()]
         each = [[k] for k in range(study.n_frames)] if study.is_list else [None]
         for some in each:
-            part = frames.gather([*held, "outcome"], some)
-            yield _table(part, study, wanted, place, keys, units)
+            yield _table(frames.gather([*held, "outcome"], some), study, wanted, place, keys, units)
 
 
 class Column(NamedTuple):
@@ -191,8 +190,7 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     for name, array in columns.items():
         columns[name] = array.reindex(place=[*places]) if "place" in array.dims else array
     along = ["place"] if places else []
-    done = results[["outcome"]].rename(outcome=DONE)
-    table = done.assign(columns).to_dataframe([*runs, *along])
+    table = results[["outcome"]].rename(outcome=DONE).assign(columns).to_dataframe([*runs, *along])
     table = table[table[DONE] > 0].reset_index().assign(**keys)
     if units.get("scale") == " [g]":
         table["scale"] = [*map(rounded, study.intensities(table["scale"])[0])]

@@ -334,8 +334,7 @@ class _Classifier:
         At least 3 `period` of its points are needed.
         """
         end, limit = points[-1], orbit.limit_of_approach(points / self._units, period)
-        z = end if limit is None else limit * self._units
-        there = self._verified(z, period, hasty=hasty)
+        there = self._verified(end if limit is None else limit * self._units, period, hasty=hasty)
         if there is None or there.multiplier >= 1.0:
             return end, None
         before, after = (points[[-1 - period, -1]] - there.points[0]) / self._units

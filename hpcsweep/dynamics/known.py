@@ -247,8 +247,7 @@ class KnownMotions:
             ]
             turned.sort(key=lambda turn: separation(structure, turn, points))
             for turn in turned[: max(2, period)]:
-                where = self._solver, self._amplitude, turn, points, motion.families, poll
-                if are_joined(*where):
+                if are_joined(self._solver, self._amplitude, turn, points, motion.families, poll):
                     if len(self._members[place]) < MAX_MEMBERS:
                         self._members[place].append(points)
                     return place
@@ -306,9 +305,8 @@ class KnownMotions:
     def measured(self, place: int, growth: MeanInterval) -> None:
         """Replace the exponent of a motion by its growth a period, measured for longer."""
         mean, low, high = growth.times(1.0 / self._structure.forcing.period(self._solver.omega))
-        attractor = self.attractors[place]
         self.attractors[place] = replace(
-            attractor, lyapunov=mean, lyapunov_low=low, lyapunov_high=high
+            self.attractors[place], lyapunov=mean, lyapunov_low=low, lyapunov_high=high
         )
 
     def without(self, replaced: dict[int, int], labels: np.ndarray) -> np.ndarray:

@@ -255,8 +255,7 @@ def key(label: str = "", **looks):
 
 def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
     """Return the key of points; `face`: inside another colour, or none."""
-    looks = {"ls": "none", "marker": marker, "ms": size, "color": colour}
-    return key(label, mfc=face or colour, **looks)
+    return key(label, mfc=face or colour, ls="none", marker=marker, ms=size, color=colour)
 
 
 def area(label: str, colour: str, edge: str = "0.3", hatch: str | None = None):

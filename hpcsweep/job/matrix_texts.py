@@ -182,14 +182,13 @@ def _rows(lines: Lines) -> np.ndarray:
         raise ValueError("has only comments")
     if re.fullmatch(r"\W*sep=.\W*", lines[0][1]):
         lines = lines[1:]
-    separators = ",;"
     strong = next((sign for sign in ";\t" if any(sign in line for _, line in lines)), "")
     if strong:
         cells = [[cell.strip() for cell in line.split(strong)] for _, line in lines]
         if has_commas(cell for row in cells for cell in row):
             rows = (" ".join(map(with_point, row)) for row in cells)
             lines = [(i, row) for (i, _), row in zip(lines, rows, strict=True)]
-    entries, widths = _numbers(lines, separators)
+    entries, widths = _numbers(lines, ",;")
     if np.any(widths != widths[0]):
         k = int((widths != widths[0]).argmax())
         (first, _), (i, _) = lines[0], lines[k]

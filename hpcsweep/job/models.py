@@ -151,8 +151,7 @@ def with_record_error(values: Values, tree: dict, reduced: Callable[..., dict], 
         If no number of modes has the error that the job asks for.
     """
     job = parts_of(values, tree, read).tree_as_given()
-    study = read(values.source, job)
-    if not isinstance(study, Records):
+    if not isinstance(read(values.source, job), Records):
         return tree
     wanted = tree["structure"]["model"]["reduce"]
     limit = wanted.get("error", math.inf)

@@ -162,8 +162,7 @@ def element_tables(values: Values, structure: Mapping) -> list[list[dict]]:
     for name, kind in kinds.items():
         listed, keys = structure.get(name, []), [field.name for field in fields(kind)]
         if not isinstance(listed, list):
-            limit = f"must be tables, [[structure.{name}]]"
-            raise values.error(f"structure.{name}", listed, limit)
+            raise values.error(f"structure.{name}", listed, f"must be tables, [[structure.{name}]]")
         for k, table in enumerate(listed):
             values.check_table(f"structure.{name}[{k}]", table, keys, keys[:3])
         tables.append(listed)
@@ -191,9 +190,8 @@ def _of_model(values: Values, structure: dict, contacts, sliders, others: dict) 
         raise JobError(limit, "structure.model", values.source)
     if "damping_ratio" in table:
         if both := {"damping_ratio", "rayleigh"} & set(others):
-            value = table["damping_ratio"]
             limit = f"must not be given beside structure.{both.pop()}"
-            raise values.error("structure.model.damping_ratio", value, limit)
+            raise values.error("structure.model.damping_ratio", table["damping_ratio"], limit)
         others["damping_ratio"] = _tuples(table["damping_ratio"])
     try:
         reduced = Reduced(**reduction)

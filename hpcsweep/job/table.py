@@ -131,8 +131,7 @@ class Table:
         varied = {column.key for column in columns_of(self.axes)}
         if OTHERS & self._names or "structure.n_floors" in varied:
             return None
-        buildings = enumerate(self.tree.get("building", []))
-        tables = {f"building[{k}]": table for k, table in buildings}
+        tables = {f"building[{k}]": table for k, table in enumerate(self.tree.get("building", []))}
         tables = tables or {"structure": self.tree.get("structure", {})}
         try:
             periods = [self._periods_of(*building, gravity) for building in tables.items()]

@@ -311,8 +311,7 @@ def file_name(name: str, value: object) -> str:
     except UnicodeError:
         raise refused(name, "a path", value) from None
     if max(parts) > MAX_NAME or sum(parts) + len(parts) > MAX_PATH:
-        limit = f"a path of up to {MAX_PATH} bytes, {MAX_NAME} a part"
-        raise refused(name, limit, value)
+        raise refused(name, f"a path of up to {MAX_PATH} bytes, {MAX_NAME} a part", value)
     return text
 
 

@@ -117,8 +117,7 @@ class FiniteElements:
 
     def _listed(self, places: np.ndarray) -> str:
         """Return the names of coordinates, the first of many."""
-        names = ", ".join(self.names[i] for i in places[:TOLD])
-        return names + ", ..." * (places.size > TOLD)
+        return ", ".join(self.names[i] for i in places[:TOLD]) + ", ..." * (places.size > TOLD)
 
     @property
     def _alone(self) -> np.ndarray:
@@ -282,8 +281,7 @@ class FiniteElements:
             massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
-            kappa = springs_of(contacts)
-            k, error = reduction.choose(modes, reduce, room, measured, kappa)
+            k, error = reduction.choose(modes, reduce, room, measured, springs_of(contacts))
             k = min(k if not more else reduction.TIMES * k + reduction.MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]
             rows = [*alone, *signed]

@@ -20,15 +20,7 @@ from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 from hpcsweep.model.definite import check_damping
 from hpcsweep.model.rigid import read_bounce
 from hpcsweep.model.slider import Slider
-from hpcsweep.model.vectors import (
-    Matrix,
-    Vector,
-    direction_of,
-    is_named,
-    listed,
-    matrix,
-    vector,
-)
+from hpcsweep.model.vectors import Matrix, Vector, direction_of, is_named, listed, matrix, vector
 
 MAX_FLOORS = 64
 """Storeys of a building before stops: each may have one."""

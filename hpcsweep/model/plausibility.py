@@ -124,9 +124,7 @@ def springs(structure: Structure, stiffness: np.ndarray, rows: np.ndarray) -> np
     return np.array(found)
 
 
-def _on_fixed_bases(
-    structure: Structure,
-) -> Iterator[tuple[str, np.ndarray, np.ndarray, float]]:
+def _on_fixed_bases(structure: Structure) -> Iterator[tuple[str, np.ndarray, np.ndarray, float]]:
     """Yield name, places of floors and of storeys, and longest period of each building."""
     fixed = np.array([not name.endswith((SLAB, *OF_SOIL)) for name in structure.floor_names])
     for number, name in enumerate(structure.building_names):

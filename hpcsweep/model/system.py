@@ -194,9 +194,8 @@ class System:
         """Sliders of the matrices, or of the storeys that yield."""
         if self.matrices is not None:
             return self.matrices.sliders
-        stiffness = self._floors(self.storey_stiffness)
         yields = self.yield_force, self.yield_drift, self.hardening, self.flag_height
-        return storey_sliders(stiffness, *yields, self.backbones)
+        return storey_sliders(self._floors(self.storey_stiffness), *yields, self.backbones)
 
     @property
     def backbones(self) -> tuple[Backbone | None, ...]:

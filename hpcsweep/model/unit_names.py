@@ -90,10 +90,9 @@ def unit_of(structure, quantity: str) -> str:
 
 
 def _unit_of(structure, quantity: str) -> str:
-    in_own = is_in_own_units(structure)
     if quantity not in (*GAPS, "cycles"):
         return quantity
-    if in_own:
+    if is_in_own_units(structure):
         return structure.unit_names.of(quantity)
     if quantity in GAPS and ("gaps" not in GAPS[quantity] or is_in_gaps(structure)):
         return GAPS[quantity]

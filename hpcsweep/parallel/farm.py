@@ -81,8 +81,7 @@ def run(
     """
     if comm.rank == 0:
         traffic = traffic or Traffic()
-        master = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick)
-        finished = master.run(compute)
+        finished = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick).run(compute)
     else:
         _work(comm, compute, flag, at_rest)
         finished = None

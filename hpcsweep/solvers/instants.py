@@ -87,8 +87,7 @@ class InstantMap(RecordMap):
         length = self.structure.length_unit
         force = self.structure.switched(peaks, peaks * length)
         force *= self.structure.force_per_length * length
-        states = self._units.out_of(held[0])
-        return Motion(place, states, self._sliders.force(*held), force)
+        return Motion(place, self._units.out_of(held[0]), self._sliders.force(*held), force)
 
     def _through(self, count: int, poll, keeps: bool):
         """Return states of the kernels with modes, peaks, and starts of intervals with changes."""

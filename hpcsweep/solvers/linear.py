@@ -139,13 +139,11 @@ class LinearOrbit:
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""
-        n = self._structure.n_floors
-        return self._modal_norm if amplitude else np.full(n, math.nan)
+        return self._modal_norm if amplitude else np.full(self._structure.n_floors, math.nan)
 
     @cached_property
     def _modal_norm(self) -> np.ndarray:
-        modal = self._responses @ self._structure.modal_transform.T
-        return _mean_modal_norm(self._orders, modal)
+        return _mean_modal_norm(self._orders, self._responses @ self._structure.modal_transform.T)
 
 
 def period_map(structure: Structure, period: float) -> np.ndarray:
@@ -166,8 +164,7 @@ def slowest_decay(structure: Structure) -> float:
     if not structure.is_modal:
         return float(np.log(np.abs(np.linalg.eigvals(period_map(structure, 1.0)))).max())
     w, zeta = structure.frequencies, structure.damping_ratios
-    rates = -zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))
-    return float(rates.max())
+    return float((-zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))).max())
 
 
 def _mean_modal_norm(orders: np.ndarray, modal: np.ndarray) -> np.ndarray:

@@ -247,5 +247,4 @@ def window_growth(logarithms: np.ndarray) -> float:
 def normalised_drift(peak_drift, amplitude, omega: float):
     """Return peak drifts in units of A / Omega^2, one or many; NaN at A = 0."""
     size = np.abs(amplitude)
-    scale = omega**2 / np.where(size > 0, size, math.nan)
-    return peak_drift * scale
+    return peak_drift * (omega**2 / np.where(size > 0, size, math.nan))

@@ -110,8 +110,7 @@ def response(
     if energy and at_samples:
         raise ValueError("energy and at_samples must not be asked for both")
     shear = bool(structure.sliders) if base_shear is None else flag("base_shear", base_shear)
-    wanted = {"base_shear": shear, "energy": flag("energy", energy)}
-    solver = record_map(structure, record.dt, rtol, **wanted)
+    solver = record_map(structure, record.dt, rtol, base_shear=shear, energy=flag("energy", energy))
     return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 
 
@@ -171,14 +170,13 @@ def linear_response(
 @lru_cache(maxsize=8)
 def linear_map(structure: Structure, dt: float, base_shear: bool, energy: bool) -> "RecordMap":
     """Return what responds without contacts and slips, with what it reaches among its drifts."""
-    rows = structure.drift_rows, structure.slider_directions, structure.directions
     free = Structure.from_matrices(
         structure.mass_matrix,
         structure.stiffness_matrix,
         [],
         damping=structure.damping_matrix,
         **structure.load,
-        drift=np.vstack(rows),
+        drift=np.vstack((structure.drift_rows, structure.slider_directions, structure.directions)),
     )
     n = len(structure.contacts)
     return record_map(free, dt, one_sided=n, base_shear=base_shear, energy=energy)

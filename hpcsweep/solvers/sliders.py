@@ -5,17 +5,7 @@ import math
 import numpy as np
 
 from hpcsweep.model.backbone import SIZE
-from hpcsweep.model.degrading import (
-    LAST,
-    LOST,
-    NO_FORCE,
-    PEAK,
-    SLIPS,
-    SLOPE,
-    UNLOADS,
-    WORK,
-    YIELD,
-)
+from hpcsweep.model.degrading import LAST, LOST, NO_FORCE, PEAK, SLIPS, SLOPE, UNLOADS, WORK, YIELD
 from hpcsweep.model.elements import TAKES, Elements
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.model.structure import Structure
@@ -42,8 +32,7 @@ class Sliders:
         self._above, below = elements.rows[self.own].T
         self._below, self._lower = np.maximum(below, 0), np.where(below >= 0, 1.0, 0.0)
         # the kernels' rows are directions of sliders, or against them
-        along = (elements.reach == structure.slider_directions).all(axis=1)
-        self.sign = np.where(along, 1.0, -1.0)
+        self.sign = np.where((elements.reach == structure.slider_directions).all(axis=1), 1.0, -1.0)
         takes = np.split(elements.guard[:, TAKES] > 0.0, elements.guards[1:-1])
         self._takes = np.array([some.any() for some in takes], bool)
 

@@ -81,8 +81,7 @@ class StepTally:
         contacts = self._contacts
         self.peaks[self._places] = np.maximum(self.peaks[self._places], tops)
         if self._accelerate is not None:
-            accelerate = partial(self._accelerate, field)
-            self._add_accelerations(interpolant, tau, z, accelerate)
+            self._add_accelerations(interpolant, tau, z, partial(self._accelerate, field))
         signs = contacts.sign[:, None]
         past = signs * z[contacts.row] - contacts.gap[:, None]
         speed = z[n + contacts.row]

@@ -127,8 +127,7 @@ class YieldingMap(FlowMap):
     def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
         """Integrate states over one forcing period each, and gather."""
         self._slid[:] = 0.0
-        seen = super().observe_each(states, amplitude, measures, poll)
-        return self._told(seen, states[0])
+        return self._told(super().observe_each(states, amplitude, measures, poll), states[0])
 
     def _told(self, seen: Observation, state) -> Observation:
         """Return an observation with what sliders have done, its drifts those of the structure."""

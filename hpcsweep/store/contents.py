@@ -249,8 +249,7 @@ def _form_problems(file: h5py.File, name: str, dtype: np.dtype, shape: tuple) ->
         return [f"{name}: not a variable"]
     is_text = dtype.kind == "O"
     if h5py.check_string_dtype(data.dtype) is None if is_text else data.dtype != dtype:
-        wanted = "string" if is_text else dtype
-        problems.append(f"{name}: its type is {data.dtype}, not {wanted}")
+        problems.append(f"{name}: its type is {data.dtype}, not {'string' if is_text else dtype}")
     if data.shape != shape:
         problems.append(f"{name}: its shape is {data.shape}, not {shape}")
     return problems

@@ -149,8 +149,7 @@ class Frames:
             del shape[self._axis]
             rows_of[name] = np.full(shape, variable.missing, variable.dtype)
         derived = [v.name for v in frame_variables(self._own) if v.name in names]
-        begun = self._begun(frame)
-        for task in begun:
+        for task in self._begun(frame):
             for block, valid in self._blocks.verify(task):
                 at = list(block.runs[len(self.place) :])
                 if at.pop(self._axis) == frame and valid:

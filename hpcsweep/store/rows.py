@@ -163,8 +163,7 @@ class PackedRows:
             return self._file[variable][(*start[:-1], slice(start[-1], start[-1] + n))]
         except Exception:  # HDF5 raises errors of any kind on damaged bytes
             raise DamagedError(
-                self._path,
-                f"variable {variable} cannot be unpacked; put a whole copy in its place",
+                self._path, f"variable {variable} cannot be unpacked; put a whole copy in its place"
             ) from None
 
     def close(self) -> None:

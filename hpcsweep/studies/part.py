@@ -138,8 +138,7 @@ class Part(ABC):
     @property
     def n_tasks(self) -> int:
         """Number of tasks of the study."""
-        last = len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1
-        return int(self.task_of(*last)) + 1
+        return int(self.task_of(len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1)) + 1
 
     @property
     def n_runs(self) -> int:

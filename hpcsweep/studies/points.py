@@ -108,8 +108,7 @@ class PointGrid(RunGrid):
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
-        listed = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
-        return super().given + listed
+        return super().given + ([(FORCING_AMPLITUDE, self.amplitude)] if self.listed else [])
 
 
 START = "initial"

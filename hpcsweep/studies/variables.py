@@ -14,16 +14,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies import quantities
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.variable import (
-    COUNT,
-    FINITE,
-    VALID,
-    Coordinate,
-    Variable,
-    code,
-    count,
-    real,
-)
+from hpcsweep.studies.variable import COUNT, FINITE, VALID, Coordinate, Variable, code, count, real
 
 RUN = ("direction", "omega", "amplitude")
 """Dimensions of a run."""

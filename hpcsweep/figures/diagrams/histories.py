@@ -134,8 +134,7 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
         def spectra(of) -> np.ndarray:
             made, doing = [], "floor spectrum" + " without contacts" * (of is not structure)
             for i, sample in counted(enumerate(samples), n, doing):
-                factor = float(study.factor[i, at])
-                motion = of, sample, periods, ratio, factor, study.tail
+                motion = of, sample, periods, ratio, float(study.factor[i, at]), study.tail
                 made.append(floor_spectra(*motion, places=[place]).acceleration[0])
             return np.array(made)
 

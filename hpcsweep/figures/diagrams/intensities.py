@@ -148,8 +148,7 @@ def pounding(results, response: str = "drift"):
     Median, and 16 to 84 %.
     """
     whole = responses.opened(results, response, None)
-    structure = style.structure_of(results)
-    if not structure.contacts:
+    if not style.structure_of(results).contacts:
         raise style.PlotError("--kind pounding: the structure has no contacts")
     if whole.alone is None:
         raise style.PlotError(

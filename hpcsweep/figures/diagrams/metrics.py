@@ -77,8 +77,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
         structure.steady_harmonics(omega)
     except ZeroDivisionError:
         return np.full(structure.n_floors, np.nan)
-    small = 1e-3 * structure.length_unit * structure.frequency_unit**2
-    seen = orbit.window(small)
+    seen = orbit.window(1e-3 * structure.length_unit * structure.frequency_unit**2)
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 
@@ -122,8 +121,7 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
         axis.plot(frame.along, free[:, mode], label=label, **looks)
     axis.set_ylabel(labels.RUN_LABELS["modal_norm"])
     if shown < runs.sizes["mode"]:
-        title = f"the lowest {shown} of {runs.sizes['mode']} modes"
-        axis.set_title(title, loc="right", fontsize=9)
+        axis.set_title(f"the lowest {shown} of {runs.sizes['mode']} modes", loc="right", fontsize=9)
 
 
 @figure_of("measures", "motions", load_frame, OMEGA, AMPLITUDES, DIRECTION)
@@ -194,8 +192,7 @@ def benefit(results, **_options):
     handles = [labels.area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
     style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
     title = f"{style.caption(results)},  {style.words_of(results)}"
-    meaning = r"$r$ = drift with the stop / drift without it"
-    return style.head(figure, title, meaning, fontsize=9)
+    return style.head(figure, title, r"$r$ = drift with the stop / drift without it", fontsize=9)
 
 
 def free_drift(structure, omega: float) -> float:

@@ -148,8 +148,7 @@ def vary(results: Panels, **_options):
         axis.label_outer()
         if each is NARROW:
             axis.locator_params(axis="x", nbins=4)
-    there = np.isfinite(results.grazing).any()
-    grazing = [mesh.grazing_key()] if there else []
+    grazing = [mesh.grazing_key()] if np.isfinite(results.grazing).any() else []
     keys = mesh.motion_keys(results.motion, results.study.structure, results.by_period)
     mesh.legend_of_shares(figure, [*keys, *grazing], bool(results.inferred))
     return style.head(figure, results.title, share_note(results.inferred))

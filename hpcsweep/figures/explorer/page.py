@@ -154,9 +154,8 @@ def _pack(study: PageData) -> tuple[dict, dict[str, str]]:
 
 def _add_points(study: PageData, add) -> dict[str, float]:
     """Add the points, each frame and component on its own range; return the worst steps."""
-    n_frames = study.omega.size
     sweeps = study.runs["counts"].reshape(-1, study.amplitude.size)
-    per_frame = sweeps.reshape(n_frames, -1).sum(axis=1)
+    per_frame = sweeps.reshape(study.omega.size, -1).sum(axis=1)
     if not per_frame.any():
         return {}
     steps = {}
@@ -188,8 +187,7 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray):
     n = points.shape[1]
     low, high = np.zeros((2, per_frame.size, n))
     codes = np.empty((n, len(points)), np.uint16)
-    ends = np.cumsum(per_frame)
-    for frame, (end, count) in enumerate(zip(ends, per_frame, strict=True)):
+    for frame, (end, count) in enumerate(zip(np.cumsum(per_frame), per_frame, strict=True)):
         if count:
             shown = points[end - count : end].T
             low[frame], high[frame] = shown.min(axis=1), shown.max(axis=1)
@@ -261,7 +259,6 @@ def _structure(structure, each: Sequence = (), change=None, names: Sequence[str]
     def entries(vector) -> list[list]:
         return [[i, float(value)] for i, value in enumerate(vector) if value]
 
-    finite = math.isfinite(structure.sharpness)
     places = [Coordinate(tuple(row), "").stops(structure) for row in change.tolist()]
     if each:
         places = [([], [])] * structure.n_floors
@@ -272,7 +269,7 @@ def _structure(structure, each: Sequence = (), change=None, names: Sequence[str]
         "words": ", ".join(words).replace("inf", "∞"),
         "floors": structure.n_floors,
         "names": [*(names or structure.names.floors)],
-        "rho": structure.sharpness if finite else None,
+        "rho": structure.sharpness if math.isfinite(structure.sharpness) else None,
         "stiffness": (change @ per_mass(mass, structure.stiffness_matrix) @ back).tolist(),
         "damping": (change @ per_mass(mass, structure.damping_matrix) @ back).tolist(),
         "forcing": (change @ per_mass(mass, structure.forcing_vector)).tolist(),

@@ -53,10 +53,9 @@ class Picture:
         symbols = {"omega": "Ω = {:.4f}", "amplitude": "A = {:.4g}"}
         self._symbol = symbols.get(study.run_dims[-2], "")
         sets = sorted(survey.contacts, key=lambda c: (-survey.contacts[c], c))
-        names = style.set_names(sets, self._labels)
         self.sets = {
             c: (palette.contact_colour(c, self._labels), name)
-            for c, name in zip(sets, names, strict=True)
+            for c, name in zip(sets, style.set_names(sets, self._labels), strict=True)
         }
         self.keys = {key: self._key(key) for key in sorted(survey.keys)}
         n_panels, n_bands = len(film.words), len(study.directions) if self.sets else 0
@@ -67,8 +66,7 @@ class Picture:
         # an even number of pixels; matplotlib cuts to whole ones
         size = pixels + 0.01, 2 * round((sum(heights) + REST) * dpi / 2) + 0.01
         inches = size[0] / dpi, size[1] / dpi
-        looks = {"dpi": dpi, "height_ratios": heights}
-        self.figure, axes = style.new_grid(len(heights), 1, inches, **looks)
+        self.figure, axes = style.new_grid(len(heights), 1, inches, dpi=dpi, height_ratios=heights)
         scale, *rest = axes[:, 0]
         self.panels = rest[: -n_panels - 1 : -1]
         for panel, label, *ends in zip(self.panels, film.words, *survey[1:3], strict=True):

@@ -100,8 +100,7 @@ class AttractorRuns:
         dict of str to ndarray
             The variables of the study, first axis the k amplitudes.
         """
-        size = self._structure.state_units.size
-        carried = Carried.of(state, size, self._limits.max_attractors)
+        carried = Carried.of(state, self._structure.state_units.size, self._limits.max_attractors)
         result = empty_results(
             attractor_variables(self._settings, self._structure),
             self._structure,
@@ -243,8 +242,7 @@ def attractors(
     1.0
     """
     arguments.instance("structure", structure, Structure)
-    units = structure.state_units
-    seeds = arguments.finite_vectors("states", states, units.size)
+    seeds = arguments.finite_vectors("states", states, structure.state_units.size)
     name = arguments.choice("solver", solver, SOLVERS)
     settings = SweepSettings(
         max_orbit_period=arguments.count("max_orbit_period", max_orbit_period, 1, 1000),

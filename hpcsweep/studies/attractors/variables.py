@@ -135,8 +135,7 @@ def basin_variables(settings: SweepSettings, structure: Structure) -> list[Varia
 
 def of_attractors(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return those variables of a row that have a value for each attractor."""
-    listed = basin_variables(settings, structure)
-    return [each for each in listed if "attractor" in each.dims]
+    return [each for each in basin_variables(settings, structure) if "attractor" in each.dims]
 
 
 def listed_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:

@@ -91,8 +91,7 @@ class SliceRuns:
     def attractors(self, poll: Poll = None) -> Rows:
         """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
         variables = of_attractors(self._settings, self._structure)
-        most = self._study.max_attractors
-        rows = empty_results(variables, self._structure, 1, attractor=most)
+        rows = empty_results(variables, self._structure, 1, attractor=self._study.max_attractors)
         for slot, attractor in enumerate(self._known(poll).attractors):
             values = {"attractor_id": slot + 1, "point": attractor.points[-1]}
             store_attractor(rows, (0, slot), self._solver.structure, attractor, **values)

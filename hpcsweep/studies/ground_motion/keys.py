@@ -97,11 +97,7 @@ OUTPUT = (
         "run for each ([price](yielding.md#results)); peaks of the elastic motion of what has none",
         True,
     ),
-    Key(
-        "base_shear",
-        QUANTITIES["base_shear"].long_name,
-        told="true where the structure yields",
-    ),
+    Key("base_shear", QUANTITIES["base_shear"].long_name, told="true where the structure yields"),
     Key("energy", f"{variables.ENERGY.long_name} ([which](yielding.md#results))", False),
     Key(
         "history",

@@ -81,7 +81,6 @@ class Records(RecordGrid):
         measure, scale = scales.read_scale(values)
         suite, paths = keys.read_found(values, structure)
         tail = keys.read_tail(values, suite, structure)
-        names = [facts.name for facts in suite]
         made = cls(
             suite=suite,
             source=keys.read_source(values, paths),
@@ -92,7 +91,7 @@ class Records(RecordGrid):
             gravity=scales.read_gravity(values),
             history=keys.read_history(values, suite, tail),
             floors=variables.read_floor_spectra(values, suite, structure),
-            columns=tuple(scales.read_columns(values, names)),
+            columns=tuple(scales.read_columns(values, [facts.name for facts in suite])),
             **common,
         )
         given = [variable for variable, _ in made.given]
@@ -203,8 +202,7 @@ class Records(RecordGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the runs spared by the rule ``linear``."""
-        linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
-        return {"runs_below_contact": int(linear.sum())}
+        return {"runs_below_contact": int((done & (runs["skip_rule"] == SkipRule.LINEAR)).sum())}
 
     def tally(self) -> describe.ResponseTally:
         """Return a tally of runs for ``summary``."""

@@ -195,8 +195,7 @@ class RecordResponses:
         rows[FLOOR_SPECTRUM.name][k] = spectra.acceleration
         if SPECTRUM_ALONE.name in rows:
             if rows["skip_rule"][k] == SkipRule.NONE:
-                free = structure.without_contacts()
-                spectra = of(free, record, periods, ratio, factor, tail)
+                spectra = of(structure.without_contacts(), record, periods, ratio, factor, tail)
             rows[SPECTRUM_ALONE.name][k] = spectra.acceleration
 
     def prepare(self, record: Record) -> None:
@@ -246,8 +245,7 @@ class RecordResponses:
         ended = respond(structure, record, scale, self._tail, settings, poll, k)
         values, drifts = self._unknown(self._alone), ended.storey_drift
         if ended.outcome is Outcome.COMPLETE:
-            left = ended.residual_drift[:n]
-            own = replace(ended, storey_drift=drifts[:n], residual_drift=left)
+            own = replace(ended, storey_drift=drifts[:n], residual_drift=ended.residual_drift[:n])
             for peak in self._alone:
                 values[peak.name] = drifts[-k:] if peak.source == "reach" else peak.of(own)
         KEPT.put(key, (values, ended.outcome))

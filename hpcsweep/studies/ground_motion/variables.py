@@ -99,8 +99,7 @@ structure without its contacts, or of one that has none without yielding."""
 
 
 def _time(name: str, source: str, meaning: str) -> Variable:
-    dims = QUANTITIES[name].dims
-    return real(f"{name}_time", dims, "time", meaning, source=f"{source}_time")
+    return real(f"{name}_time", QUANTITIES[name].dims, "time", meaning, source=f"{source}_time")
 
 
 def _beside(variable: Variable, kind: str = "alone") -> Variable:

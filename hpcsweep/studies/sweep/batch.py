@@ -101,8 +101,7 @@ class Batch:
         """Return the first run that has jumped where no orbit is, near the ghost of a fold."""
         for k in np.flatnonzero(orbits.multiplier > SLOW).tolist():
             points, amplitude = orbits.points[k, : orbits.length[k]], float(amplitudes[k])
-            verified = verify_orbit(self._solver, points, amplitude, len(points), poll=poll)
-            if verified.orbit is None:
+            if verify_orbit(self._solver, points, amplitude, len(points), poll=poll).orbit is None:
                 return int(k)
         return None
 

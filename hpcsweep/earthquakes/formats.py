@@ -99,8 +99,7 @@ def _csmip(lines: list[str]) -> Iterator[Channel]:
             *(line, re.IGNORECASE),
         )
         if what:
-            step, unit = float(what[2]), what[3]
-            yield Channel(_below(lines, i), step, unit, int(what[1]), int(what[4]))
+            yield Channel(_below(lines, i), float(what[2]), what[3], int(what[1]), int(what[4]))
 
 
 FORMATS: dict[str, tuple[str, Callable[[list[str]], Iterator[Channel]] | None]] = {

@@ -131,9 +131,8 @@ STRUCTURE: Tables = {
         Key(
             "contact",
             "tables `[[structure.contact]]`, at most 64, that go with matrices or a model: "
-            "`direction`, "
-            "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`; with "
-            "`stiffness = inf` `restitution` ([rigid stops](rigid.md))",
+            "`direction`, `gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and "
+            "`tension`; with `stiffness = inf` `restitution` ([rigid stops](rigid.md))",
             told="damping 0, tension false",
         ),
         Key(
@@ -227,9 +226,8 @@ KEYS: Tables = {
             "`storey_stiffness` (or `period`, the longest natural period of the building alone, "
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
             "`rayleigh`, `storey_damping`, `name` "
-            "([how](structures.md#buildings-that-pound-each-other)), "
-            "`yield_drift` or `yield_force`, `hardening`, `flag_height`, `backbone`, `p_delta`, "
-            "`weight` and "
+            "([how](structures.md#buildings-that-pound-each-other)), `yield_drift` or "
+            "`yield_force`, `hardening`, `flag_height`, `backbone`, `p_delta`, `weight` and "
             "`collapse_drift` ([storeys that yield](yielding.md)), and tables "
             "`[building.isolation]` ([base isolation](yielding.md#base-isolation)), "
             "`[building.column]` ([columns that are hit](structures.md#floors-that-hit-columns)) "

@@ -325,8 +325,7 @@ class Structure(MeasuredDynamics):
             hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
             if self.matrices.damping is not None:
                 ratios = self.damping_ratios[min(self.n_rigid, self.n_floors - 1) :]
-                low, high = ratios.min(), ratios.max()
-                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
+                shown.append(f"damping matrix, ratios {ratios.min():.3g} to {ratios.max():.3g}")
                 hidden.add("damping_ratio")
         if self.rayleigh is not None:
             hidden.add("damping_ratio")

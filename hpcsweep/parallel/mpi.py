@@ -237,8 +237,7 @@ def world() -> Serial | Ranks:
     except (ImportError, RuntimeError) as error:
         raise LauncherError(
             f"the launcher started {expected} ranks but MPI cannot be loaded "
-            f"({on_one_line(error)}); install an MPI that mpi4py finds, e.g. "
-            "pip install mpich"
+            f"({on_one_line(error)}); install an MPI that mpi4py finds, e.g. pip install mpich"
         ) from None
     library = on_one_line(MPI.Get_library_version().split("\n")[0].rstrip("\x00"))
     if "OMPI_COMM_WORLD_SIZE" in os.environ and "Open MPI" not in library:

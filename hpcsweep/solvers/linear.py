@@ -77,8 +77,7 @@ class LinearOrbit:
         """
         if not self.is_known:
             return None
-        away = abs(amplitude) * self.largest[0 if amplitude >= 0 else 1]
-        if np.any(away >= self.levels):
+        if np.any(abs(amplitude) * self.largest[0 if amplitude >= 0 else 1] >= self.levels):
             return None
         return self.observation(amplitude, self.state(amplitude))
 

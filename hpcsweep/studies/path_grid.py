@@ -256,8 +256,7 @@ class PathGrid(RunGrid):
 
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run: ``direction``, ``omega``, ``amplitude``, and a key that it follows."""
-        described, name = super().describe(run), self.run_dims[-1]
-        return described | {name: float(self.along_of(run[1])[run[2]])}
+        return super().describe(run) | {self.run_dims[-1]: float(self.along_of(run[1])[run[2]])}
 
     def describe_task(self, task: int) -> str:
         """Describe a frame by its frequency, or its amplitude."""

@@ -47,9 +47,8 @@ CURVES = Key(
 KEYS = (LEVELS, ON, WRONG, SEED, CURVES)
 REFINE = Key(
     "refine",
-    "table: the map is computed "
-    "[only where something happens](growing.md#maps-computed-only-where-something-happens); its "
-    "keys are "
+    "table: the map is computed [only where something "
+    "happens](growing.md#maps-computed-only-where-something-happens); its keys are "
     + "; ".join(
         f"`{key.name}`, {key.description} (default {key.told or key.shown})" for key in KEYS
     ),

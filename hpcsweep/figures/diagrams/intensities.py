@@ -172,8 +172,7 @@ def pounding(results, response: str = "drift"):
         looks = {"color": palette.series_colour(series)}
         axis.fill_between(whole.intensity, *ends, alpha=0.2, linewidth=0, **looks)
         axis.plot(whole.intensity, median, label=f"building {building}".strip(), **looks)
-    label = whole.label.partition("  [")[0]
-    axis.set_ylabel(f"{label}, over that without contact", fontsize=8)
+    axis.set_ylabel(f"{whole.label.partition('  [')[0]}, over that without contact", fontsize=8)
     axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, edge))
     beyond = ", beyond the edge where records collapse" * bool(edge)
     responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %{beyond}")

@@ -223,6 +223,5 @@ def _benefit_panel(axis, results, classes, chosen, ratio, name) -> None:
     count = int(rated.sum())
     note = "no such run"
     if count:
-        share = style.percent(float((ratio[rated] <= 1).mean()))
-        note = f"beneficial: {share} of {count} runs"
+        note = f"beneficial: {style.percent(float((ratio[rated] <= 1).mean()))} of {count} runs"
     axis.set_title(f"{name}\n{note}", fontsize=9)

@@ -41,11 +41,10 @@ def lines(study: RecordGrid) -> Lines:
     """Tell the scales and the records."""
     (scale, unit), named = study.intensities(study.scale), partial(unit_of, study.structure)
     unit = "" if unit == "1" else f" {unit}"
-    low, high = study.factor.min(), study.factor.max()
     yield (
         "scales",
         f"{scale.size} of {study.measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
-        f"multiplied by {low:.4g} to {high:.4g}",
+        f"multiplied by {study.factor.min():.4g} to {study.factor.max():.4g}",
     )
     yield from (("building", text) for text in told(study.structure, study.gravity))
     period = study.structure.longest_period
@@ -62,8 +61,7 @@ def lines(study: RecordGrid) -> Lines:
             "",
             f"{facts.name:{width}}  PGA {facts.pga / study.gravity:7.4f}  PGV {facts.pgv:9.4g}  "
             f"PGD {facts.pgd:9.4g}  duration {facts.duration:7.3g}  "
-            f"{_spectral(study, i, period)}"
-            f"{facts.samples} samples of {facts.dt:g}",
+            f"{_spectral(study, i, period)}{facts.samples} samples of {facts.dt:g}",
         )
     if len(study.suite) > MOST:
         yield "", f"and {len(study.suite) - MOST} more"
@@ -133,8 +131,7 @@ def elastic_words(drift: float) -> str:
 
 def alone_words(structure: Structure) -> str:
     """Return the words for the motion beside that of a structure: see `BESIDE`."""
-    elastic = "elastic motion" * (not LINEAR.of(structure))
-    return "no contact" if structure.contacts else elastic
+    return "no contact" if structure.contacts else "elastic motion" * (not LINEAR.of(structure))
 
 
 class ResponseTally(BaseTally):

@@ -48,8 +48,7 @@ class Counts:
         """Count the crossed boxes between first and last points, both of shape (m, d)."""
         total = np.zeros(len(begin), np.int64)
         for at in np.ndindex(*(2,) * begin.shape[1]):
-            sign = (-1) ** (len(at) - sum(at))
-            total += sign * self._sums[tuple(np.where(at, end, begin).T)]
+            total += (-1) ** (len(at) - sum(at)) * self._sums[tuple(np.where(at, end, begin).T)]
         return total
 
 
@@ -181,8 +180,7 @@ class Cells:
             Number of wrong points expected in the cells that are left although they disagree.
         """
         cells, first_new = self._cells, len(self._cells.level)
-        differ = (cells.least < cells.greatest) | cells.crossed
-        bad = np.flatnonzero((cells.level > 0) & differ)
+        bad = np.flatnonzero((cells.level > 0) & ((cells.least < cells.greatest) | cells.crossed))
         # a cell with a point that agrees with none is always cut
         never = (cells.least[bad] == 0) | cells.crossed[bad]
         bad = bad[np.lexsort((-cells.cost[bad] / 2.0 ** cells.level[bad], never))]
@@ -246,8 +244,7 @@ class Cells:
             self._crossings.between(begin, end) > 0,
         )
         self._cell_of[self._points(begin, end - 1, 2**level)] = number[:, None]
-        parts = zip(self._cells, new, strict=True)
-        self._cells = _Table(*(np.concatenate(both) for both in parts))
+        self._cells = _Table(*(np.concatenate(both) for both in zip(self._cells, new, strict=True)))
 
     def _points(self, begin: np.ndarray, last: np.ndarray, count: int) -> np.ndarray:
         """Return the points of boxes, flat indices, shape (k, count^d); the last are repeated."""

@@ -116,8 +116,7 @@ def fill(
         file[variable.name][...] = values
     for checksums in (layout.commit, *layout.derived[-1:]):
         file[checksums.name][...] = 0
-    for key, value in {**layout.attributes, **provenance}.items():
-        file.attrs[key] = value
+    file.attrs.update({**layout.attributes, **provenance})
     file.attrs[CHECKSUM] = metadata_checksum(file)
 
 

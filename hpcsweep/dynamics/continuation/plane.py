@@ -167,9 +167,8 @@ def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, 
         tests[Meeting.RESONANCE_1] = partial(_again, 1.0)
     elif kind is Kind.DOUBLING:
         tests[Meeting.RESONANCE_2] = partial(_again, -1.0)
-    if kind is Kind.TORUS:
-        for meeting in ANGLES:
-            tests[meeting] = partial(_off_angle, meeting)
+    elif kind is Kind.TORUS:
+        tests |= {meeting: partial(_off_angle, meeting) for meeting in ANGLES}
     turn = last.tangent[-2:] - first.tangent[-2:]
     if kind is Kind.FOLD and first.tangent[-2:] @ last.tangent[-2:] < 0:
         tests[Meeting.CUSP] = lambda p: float(p.tangent[-2:] @ turn)

@@ -37,10 +37,11 @@ def pack_branches(
 
     sets, contact = np.unique(joined("contact"), return_inverse=True)
     mu, stable = joined("multipliers"), joined("stable").astype(np.uint8)
+    value, forcing = joined("value"), joined("forcing", 1)
     states = np.concatenate([branch.points.reshape(-1, mu.shape[1]) for branch in every])
     for name, numbers in (
-        ("branch_value", joined("value")),
-        ("branch_forcing", joined("forcing", 1)),
+        ("branch_value", value),
+        ("branch_forcing", forcing),
         ("branch_point", states.T),
         ("branch_multiplier", np.concatenate((mu.real, mu.imag), axis=1).T),
     ):

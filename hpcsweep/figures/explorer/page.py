@@ -29,14 +29,8 @@ INFERRED_WORDS = "inferred from its cell"
 NAME_ROOM = 40
 """Letters of a contact set's name."""
 SCRIPTS = {
-    "motions": (
-        *("codec", "frame", "integrate", "colours", "map", "diagrams"),
-        *("portraits", "branches", "words", "main"),
-    ),
-    "records": (
-        *("codec", "frame", "colours", "stripes", "panel"),
-        *("views", "telling", "records"),
-    ),
+    "motions": "codec frame integrate colours map diagrams portraits branches words main",
+    "records": "codec frame colours stripes panel views telling records",
 }
 """Parts of the program of each kind of page, in their order."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ"}
@@ -66,7 +60,7 @@ def fill_page(kind: str, name: str, meta: dict, texts: dict[str, str]) -> str:
         "KIND": kind,
         "TITLE": html.escape(f"{name}: explorer"),
         "BODY": (assets / f"{kind}.html").read_text(),
-        "SCRIPTS": "".join((assets / f"{script}.js").read_text() for script in SCRIPTS[kind]),
+        "SCRIPTS": "".join((assets / f"{each}.js").read_text() for each in SCRIPTS[kind].split()),
         "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
         "DATA": "\n".join(
             f'<script type="text/plain" id="data-{name}">{text}</script>'

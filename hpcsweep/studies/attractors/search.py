@@ -63,10 +63,7 @@ DISPLACEMENT, VELOCITY = (
         ("velocity", " times omega_0 (with units of your own: times the lowest natural frequency)"),
     )
 )
-KEYS = (
-    *(STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES),
-    MATCH_DISTANCE,
-)
+KEYS = STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES, MATCH_DISTANCE
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,12 +159,8 @@ class Branches(BranchGrid):
                 self.structure.state_units.size, "multiplier, largest modulus first", first=1
             ),
         }
-        of_curves = {
-            "curve": self.max_curves,
-            "curve_step": self.max_curve_points,
-            "meeting": n_met,
-        }
-        for name, most in of_curves.items() if self.curves else ():
+        sizes = {"curve": self.max_curves, "curve_step": self.max_curve_points, "meeting": n_met}
+        for name, most in sizes.items() if self.curves else ():
             coordinates[name] = numbered(most, f"{name}, of each curve in turn")
         del coordinates["omega"], coordinates["mode"]
         return coordinates

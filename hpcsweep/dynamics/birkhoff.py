@@ -62,29 +62,13 @@ def agreeing_digits(points: np.ndarray) -> float:
 
 
 def weighted_means(points: np.ndarray) -> np.ndarray:
-    """Return the weighted means of all coordinates and of their squares.
-
-    Parameters
-    ----------
-    points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points.
-
-    Returns
-    -------
-    ndarray, shape (4n,)
-    """
+    """Return the weighted means of all coordinates of points, and of their squares, shape (4n,)."""
     weights = _weights(len(points))
     return np.concatenate((weights @ points, weights @ (points * points)))
 
 
 def growth_vanishes(logarithms: np.ndarray) -> bool:
-    """Return whether a tangent vector has not grown over a stretch, as on a torus.
-
-    Parameters
-    ----------
-    logarithms : ndarray, shape (k,)
-        Logarithms of its growth in each forcing period, k >= 4.
-    """
+    """Return whether a tangent vector has not grown over 4 periods or more, as on a torus."""
     size, (*halves, whole) = len(logarithms), np.abs(weighted_growth(logarithms)).tolist()
     swings = max(halves) <= max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
     return swings and whole <= max(TORUS_GROWTH, TORUS_RATE * size)
@@ -93,10 +77,7 @@ def growth_vanishes(logarithms: np.ndarray) -> bool:
 def weighted_growth(logarithms: np.ndarray) -> np.ndarray:
     """Return the weighted mean growth a period, times the periods of the whole stretch.
 
-    Returns
-    -------
-    ndarray, shape (3,)
-        Of its first half, its second half, and the whole.
+    Of its first half, its second half, and the whole.
     """
     size, half = len(logarithms), len(logarithms) // 2
     weights = _weights(half)

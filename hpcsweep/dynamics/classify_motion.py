@@ -307,10 +307,11 @@ class _Classifier:
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
         """Recognise a torus, or the orbit that it is locked to, by points in state units."""
         size = len(points)
-        neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= MIN_TORUS
+        vanishes = size >= 4 and abs(seen.growth) < math.inf and growth_vanishes(seen.logarithms)
+        neutral = vanishes if size >= MIN_TORUS else abs(seen.growth) <= NEUTRAL_GROWTH
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
         self.likely_torus = neutral and digits >= HINT_DIGITS
-        if size < FIRST_STRETCH or digits < CALM_DIGITS or not growth_vanishes(seen.logarithms):
+        if size < FIRST_STRETCH or digits < CALM_DIGITS or not vanishes:
             return None
         *halves, grown = np.abs(weighted_growth(seen.logarithms)).tolist()
         calm = max(halves) <= CALM * min(size / MIN_TORUS, 1.0)
@@ -334,7 +335,8 @@ class _Classifier:
         At least 3 `period` of its points are needed.
         """
         end, limit = points[-1], orbit.limit_of_approach(points / self._units, period)
-        there = self._verified(end if limit is None else limit * self._units, period, hasty=hasty)
+        turn = points[-period:] if limit is None else limit * self._units
+        there = self._verified(np.roll(turn, 1, axis=0), period, hasty=hasty)
         if there is None or there.multiplier >= 1.0:
             return end, None
         before, after = (points[[-1 - period, -1]] - there.points[0]) / self._units
@@ -362,7 +364,7 @@ class _Classifier:
             return None
         found = self._search(z, period, reach, hasty)
         if found is None and not TANGENTS.of(self._solver.structure):
-            inner = moved_inward(self._solver, z, self._amplitude, period)
+            inner = moved_inward(self._solver, np.atleast_2d(z)[0], self._amplitude, period)
             found = self._search(inner, period, reach, hasty)
         return found
 

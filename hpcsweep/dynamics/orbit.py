@@ -113,19 +113,7 @@ def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
 def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
     """Return the p after which the last third of the points returns nearest to itself.
 
-    Parameters
-    ----------
-    points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points.
-    max_period : int
-        Longest p that is tried, at most k / 2.
-    near : float
-        Largest difference of a coordinate.
-
-    Returns
-    -------
-    int
-        p, or 0 if it never returns to within `near`.
+    As `approached_period`; `max_period` is at most k / 2.
     """
     third = max(len(points) // 3, 1)
     distances = [
@@ -153,10 +141,8 @@ def closing_period(
     min_period, max_period : int
         Shortest and longest p to try, the latter at most k / 3; only the first `CANDIDATES` after
         which the last point returns.
-    near : float
-        Largest difference of a coordinate over the last turn.
-    tolerance : float
-        Distances within it need not fall.
+    near, tolerance : float
+        Largest difference of a coordinate over the last turn, and that which need not fall.
 
     Returns
     -------
@@ -178,7 +164,7 @@ def closing_period(
 
 
 def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
-    """Extrapolate the last point of a geometric approach along one direction to its orbit.
+    """Extrapolate the last turn of a geometric approach along one direction to its orbit.
 
     With the displacements a = z_(k-p) - z_(k-2p) and b = z_k - z_(k-p) = r a, the orbit is at z_k +
     r / (1 - r) b (Aitken). r must be the same at both ends of the last turn.
@@ -192,40 +178,31 @@ def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
 
     Returns
     -------
-    ndarray, shape (2n,), or None
+    ndarray, shape (p, 2n), or None
         None if the approach is not geometric (`ALIKE`), or not along one direction.
     """
-    first, _, _ = _ratio_of_turns(points[: len(points) + 1 - period], period)
-    last, moved, defect = _ratio_of_turns(points, period)
+    first, _ = _ratio_of_turns(points[: len(points) + 1 - period], period)
+    last, defect = _ratio_of_turns(points, period)
     same_ratio = abs(last - first) <= ALIKE * (1.0 - last)
     if not (abs(last) <= FALLS and same_ratio and defect <= ALIKE):
         return None
-    return points[-1] + moved * (last / (1.0 - last))
+    turn = points[-period:]
+    return turn + (turn - points[-2 * period : -period]) * (last / (1.0 - last))
 
 
-def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, np.ndarray, float]:
-    """Return r and b of `limit_of_approach` for the last point, and |b - r a| / |b|."""
+def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, float]:
+    """Return r of `limit_of_approach` for the last point, and |b - r a| / |b|."""
     before = points[-1 - period] - points[-1 - 2 * period]
     moved = points[-1] - points[-1 - period]
     square, size = float(before @ before), float(np.abs(moved).max())
     if not (square > 0.0 and size > 0.0):
-        return math.inf, moved, math.inf
+        return math.inf, math.inf
     ratio = float(moved @ before) / square
-    return ratio, moved, float(np.abs(moved - ratio * before).max()) / size
+    return ratio, float(np.abs(moved - ratio * before).max()) / size
 
 
 def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
-    """Return whether some p exists for which points p apart are near throughout.
-
-    Parameters
-    ----------
-    points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points.
-    max_period : int
-        Longest p that is tried, at most k / 2.
-    near : float
-        Largest difference of a coordinate.
-    """
+    """Return whether points p apart are near throughout, for some p up to `max_period`, k / 2."""
     return any(apart.max() <= near for _, apart in _returns(points, max_period, near))
 
 
@@ -265,20 +242,7 @@ def _vanishes(apart: np.ndarray) -> bool:
 
 
 def smallest_period(points: np.ndarray, same: float) -> int:
-    """Return the smallest period of the points of an orbit.
-
-    Parameters
-    ----------
-    points : ndarray, shape (p, 2n)
-        The whole orbit.
-    same : float
-        Points that differ by no more than this count as equal.
-
-    Returns
-    -------
-    int
-        A divisor of p.
-    """
+    """Return the smallest period of a whole orbit: points that differ by up to `same` are equal."""
     return next(
         p
         for p in divisors(len(points))

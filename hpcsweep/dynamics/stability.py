@@ -188,7 +188,7 @@ class TangentMaps:
         """Functions of the multipliers that vanish at special points."""
         return Tests.of(self.multipliers.tolist())
 
-    @property
+    @cached_property
     def product(self) -> np.ndarray:
         """M_{p-1} ... M_0, shape (N, N); not finite where it overflows."""
         size = self.matrices.shape[1]

@@ -27,14 +27,13 @@ of x). The method then is of order 3/2 on the side of the impact: M changes like
 the other side, from which it sees no impact, a move leads past the kink, and the next one comes
 from there. Moves need not fall from the first to the last, only in the end.
 
-All points of the orbit are solved for at once, as in `continuation.cycle`: no product of tangent
-maps is formed, and a residual is that of one period. Orbits of sliders, and of what has no spring,
+All points of the orbit are solved for at once, as in `continuation.cycle`: a residual is that of
+one period. Orbits of sliders, and of what has no spring,
 come in families: it is the nearest one, relative to what drifts along directions that no spring
 opposes.
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +52,9 @@ HASTY = 3
 """The same for motions beside an orbit that are nearly linear: of 831 jumps all but one."""
 CURVED = 0.25
 """Share of a residual due to curvature, below which the rest is rounding."""
+CLOSE = 1e-13
+"""Residual, in units of the state, that is rounding where the move is hardly larger: past a fold no
+move is below (delta / c)^(1/2)."""
 MAX_ROUNDING = 1e-9
 """Of a period's integration, in units of the state."""
 MIN_ROUNDING = 4 * np.finfo(float).eps
@@ -66,9 +68,6 @@ FAMILY = 1e-7
 FEW = 100
 """Numbers of an orbit of several periods from which on what has no spring is taken to be held by
 contacts over it: what floats free, in families, has period 1."""
-MANY = 150
-"""Numbers of an orbit from which its equations are solved as sparse ones: 400 in 0.6 ms, dense in
-2.7."""
 SAME, UNCERTAIN = 1e-9, 10.0
 """Distance of points of an orbit that may be one, and its multiple of the uncertainty."""
 
@@ -198,7 +197,7 @@ class _Search:
         self._patience = patience
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
-        self._factored = _factored if ISOLATED.of(solver.structure) else self._nearest
+        self._moves = _moves if ISOLATED.of(solver.structure) else self._nearest
         self.least, self.cycles = math.inf, 0
 
     def closed(self, apart: np.ndarray) -> np.ndarray:
@@ -208,14 +207,13 @@ class _Search:
             return apart
         return structure.without_drift(apart * self.units) / self.units
 
-    def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the same as `_factored` of families: the shortest d."""
+    def _nearest(self, matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:
+        """Return the same as `_moves` of families: the shortest d."""
         p, n, _ = matrices.shape
         if p > 1 and p * n > FEW and CLOSING.of(self._solver.structure):
-            return _factored(matrices)
+            return _moves(matrices, misses)
         whole = self.closed(jacobian(matrices).T.reshape(-1, p, n)).reshape(-1, p * n).T
-        inverse = np.linalg.pinv(whole, rcond=FAMILY)
-        return lambda misses: (inverse @ misses.ravel()).reshape(misses.shape)
+        return (np.linalg.pinv(whole, rcond=FAMILY) @ misses.ravel()).reshape(misses.shape)
 
     def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the images of points, shape (p, N), and the tangent maps, (p, N, N)."""
@@ -241,7 +239,7 @@ class _Search:
         `marched`: after a move all points follow from the first one.
         """
         before = matrices = np.zeros((*points.shape, points.shape[1]))
-        shift, curved, fallen, solve = np.zeros_like(points), math.inf, 0, None
+        shift, curved, fallen = np.zeros_like(points), math.inf, 0
         self.least = math.inf
         for step in range(STEPS):
             images, matrices = self.tangents(points)
@@ -255,15 +253,14 @@ class _Search:
             if step > 0:
                 bent = 0.5 * np.einsum("pij,pj->pi", matrices - before, shift)
                 curved = float(np.abs(_gathered(before, bent) if marched else bent).max())
-            rounded = residual <= MIN_ROUNDING * (1.0 + float(np.abs(points).max()))
-            if rounded or (residual <= MAX_ROUNDING and curved <= CURVED * residual):
-                # the tangent maps are those of the point before, but for rounding
-                left = float(np.abs((solve or self._factored(matrices))(misses)).max())
+            move = self._moves(matrices, misses)
+            left = float(np.abs(move).max())
+            least = CLOSE if left <= 100 * CLOSE else MIN_ROUNDING * (1.0 + np.abs(points).max())
+            if residual <= least or (residual <= MAX_ROUNDING and curved <= CURVED * residual):
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
             if self.least <= NEAR and step - fallen >= self._patience:
                 return None
-            solve = self._factored(matrices)
-            moved = points - solve(misses)
+            moved = points - move
             if marched:
                 moved = self.continued(moved[:1], len(points))
             before, shift, points = matrices, points - moved, moved
@@ -286,16 +283,18 @@ def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
     return total
 
 
-def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what solves M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, for d, shape (p, N)."""
-    p, n, _ = matrices.shape
-    if p * n <= MANY:
-        whole = jacobian(matrices)
-        return lambda misses: np.linalg.solve(whole, misses.ravel()).reshape(p, n)
-    from scipy.sparse import bsr_array  # reading results does not need it
-    from scipy.sparse.linalg import splu
+@np.errstate(over="ignore", invalid="ignore")
+def _moves(maps: np.ndarray, misses: np.ndarray) -> np.ndarray:
+    """Solve M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, for d, shape (p, N).
 
-    blocks = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
-    ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
-    factors = splu((blocks - ahead).tocsc())
-    return lambda misses: factors.solve(misses.ravel()).reshape(p, n)
+    Two periods are one, d_(i+2) = M_(i+1) M_i d_i - (M_(i+1) misses_i + misses_(i+1)), and two of
+    these, until one is left. What rounding of the products leaves the next move takes away.
+    """
+    if len(maps) == 1:
+        return np.linalg.solve(maps[0] - np.eye(len(maps[0])), misses[0])[None]
+    d, odd = np.empty_like(misses), len(maps) // 2 * 2
+    pairs = maps[1::2] @ maps[:-1:2], np.einsum("pij,pj->pi", maps[1::2], misses[:-1:2])
+    whole = zip((pairs[0], pairs[1] + misses[1::2]), (maps[odd:], misses[odd:]), strict=True)
+    d[::2] = _moves(*map(np.concatenate, whole))
+    d[1::2] = np.einsum("pij,pj->pi", maps[:-1:2], d[:-1:2]) - misses[:-1:2]
+    return d

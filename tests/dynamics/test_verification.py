@@ -7,7 +7,7 @@ import pytest
 from maps import MapSolver, circle, henon, logistic
 
 from hpcsweep import Structure, orbit, stroboscopic_points
-from hpcsweep.dynamics.verification import verify_orbit
+from hpcsweep.dynamics.verification import _moves, verify_orbit
 from hpcsweep.solvers.solver import make_solver
 
 STIFF = Structure(1, 29.0, np.inf, 0.01, gap=1.26)
@@ -77,6 +77,15 @@ def test_an_orbit_has_its_minimal_period_and_its_own_multipliers():
     apart = np.sqrt((r - 3) * (r + 1)) / r
     found = verify_orbit(logistic(r), np.array([2 / 3 + 0.6 * apart, 0.0]), 1.0, 2).orbit
     assert np.ptp(found.points[:, 0]) == pytest.approx(apart, rel=1e-3)
+
+
+def test_the_moves_of_an_orbit_solve_the_equations_of_all_its_points():
+    rng = np.random.default_rng(1)
+    for period in (1, 2, 3, 8, 37, 300):
+        maps, misses = 0.45 * rng.normal(size=(period, 4, 4)), rng.normal(size=(period, 4))
+        moves = _moves(maps, misses)
+        left = np.einsum("pij,pj->pi", maps, moves) - np.roll(moves, -1, axis=0) - misses
+        assert np.abs(left).max() < 1e-12 * np.abs(moves).max()
 
 
 def test_a_solver_that_fails_verifies_nothing():

@@ -168,7 +168,8 @@ def _period(special: Any) -> int:
 
 def _kind(special: Any) -> Kind:
     """Return the kind of a special point of a result of `branch`."""
-    if "special_kind" not in getattr(special, "data_vars", {}) or special["special_kind"].ndim:
+    variables = getattr(special, "data_vars", {})
+    if "special_kind" not in variables or special["special_kind"].ndim:
         raise ValueError("special must be one special point of a branch: found.isel(special=k)")
     name = meanings(special["special_kind"]).item()
     if name not in KINDS:
@@ -235,7 +236,8 @@ def first_at(forced: ForcedMap, branch: Any, name: str, limit: float) -> tuple[n
     held = np.array([measure(x, value) for x, value in zip(points, values, strict=True)])
     passed = np.flatnonzero(np.diff(held >= limit))
     if not passed.size:
-        raise ValueError(f"limit must be between {held.min():g} and {held.max():g}, is {limit:g}")
+        low, high = held.min(), held.max()
+        raise ValueError(f"limit must be between {low:g} and {high:g}, is {limit:g}")
     curve = Curve(forced, points.shape[1], float(np.ptp(values)) or 1.0)
     ends = [curve.join(points[k], values[k]) for k in (passed[0], passed[0] + 1)]
     chord = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])

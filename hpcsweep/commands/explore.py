@@ -86,7 +86,8 @@ def _motions(options, frames):
         f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
-    return build_page(study), contents, "fewer --points, a --frame-step or --amplitude-step"
+    advice = "fewer --points, a --frame-step or --amplitude-step"
+    return build_page(study), contents, advice
 
 
 def _responses(options, frames):

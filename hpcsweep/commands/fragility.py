@@ -114,6 +114,7 @@ def _threshold(options, results, study) -> int:
         print(json.dumps(finite, indent=1))
         return 0
     threshold = "" if options.collapse else f"threshold {options.threshold:g}, "
+    title = f"{stripes.label}: {threshold}{sums['records']} records"
     shown = sums | {
         "fractiles": _shown(sums),
         "lost": sums["unknown"] or None,
@@ -123,7 +124,7 @@ def _threshold(options, results, study) -> int:
     }
     if "alone" in sums:
         shown["free"] = _shown(sums["alone"]) + ", exact" * stripes.proportional
-    print(listing(f"{stripes.label}: {threshold}{sums['records']} records", rows_of(ROWS, shown)))
+    print(listing(title, rows_of(ROWS, shown)))
     return 0
 
 

@@ -43,7 +43,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def _defaults(every: dict[str, Figure]) -> dict[str, str]:
     """Return the default figure for each kind of results: the first that draws it."""
-    return dict(reversed([(what, name) for name, figure in every.items() for what in figure.draws]))
+    drawn = [(what, name) for name, figure in every.items() for what in figure.draws]
+    return dict(reversed(drawn))
 
 
 def _default(job, every: dict[str, Figure]) -> str:

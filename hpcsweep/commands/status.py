@@ -82,11 +82,12 @@ failures | {n_failed}
 
 def _rows(state: dict) -> Rows:
     """Write a status as a person reads it."""
+    own_noun, spared = state["frame_noun"] != state["run_noun"], state.get("runs_spared", {})
     waits, master = not state["complete"], state["master"]
     derived = {
         "done": 100 * state["runs_done"] / state["runs_total"],
-        "frame": state["frame_noun"] if state["frame_noun"] != state["run_noun"] else None,
-        "spared": ", ".join(f"{name} {n}" for name, n in state.get("runs_spared", {}).items()),
+        "frame": state["frame_noun"] if own_noun else None,
+        "spared": ", ".join(f"{name} {n}" for name, n in spared.items()),
         "master": master if master and master["messages"] else None,
         "memory": [size / 1e6 for size in state["peak_memory"] or ()] or None,
         "silent": state["last_heard"] if waits else None,

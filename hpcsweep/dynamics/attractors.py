@@ -147,7 +147,8 @@ class AttractorSearch:
         approached = self._approach(starts)
         for k, window in approached.windows.items():
             search = self.fork(self._poll)
-            approached.labels[k] = search._tested(np.array([search._place(window)]), window[-1:])[0]
+            label = np.array([search._place(window)])
+            approached.labels[k] = search._tested(label, window[-1:])[0]
             approached.cycles[k] += search.cycles
         return approached.labels, approached.cycles
 
@@ -372,7 +373,8 @@ class AttractorSearch:
 
     def _observe(self, motion: Motion, n_periods: int) -> Observation:
         options = {"poll": self._poll, "measures": self._settings.measures}
-        return self._solver.observe(motion.points[-1], self._amplitude, n_periods, True, **options)
+        z = motion.points[-1]
+        return self._solver.observe(z, self._amplitude, n_periods, True, **options)
 
     def _place_aperiodic(self, motion: Motion) -> int:
         """Return the index of a motion without a period, as one that is still to be tested."""

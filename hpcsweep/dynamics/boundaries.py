@@ -111,7 +111,8 @@ def _entropies(labels: np.ndarray) -> np.ndarray:
 def _uncertainty_exponent(labels: np.ndarray) -> MeanInterval:
     """Return the slope of the logarithm of the share of uncertain starts."""
     apart, uncertain = [], []
-    steps = 2 ** np.arange((min(labels.shape) // WIDEST).bit_length())
+    widest = min(labels.shape) // WIDEST
+    steps = 2 ** np.arange(widest.bit_length())
     for step in steps.tolist():
         pairs = differ = 0
         for grid in (labels, labels.T):

@@ -237,7 +237,8 @@ def _one_curve(points: np.ndarray) -> bool:
     rotation = _rotation_numbers(points)
     if rotation.size == 0:
         return False
-    along = points[np.argsort(np.outer(rotation, np.arange(count)) % 1.0, axis=1)]
+    phase = np.outer(rotation, np.arange(count)) % 1.0
+    along = points[np.argsort(phase, axis=1)]
     steps = np.linalg.norm(along - np.roll(along, 1, axis=1), axis=2)
     best = int(steps.sum(axis=1).argmin())
     if steps[best].max() > CURVE_STEP * diameter:

@@ -73,7 +73,8 @@ def neighbourhood(solver, amplitude: float, points: np.ndarray, rng) -> Neighbou
     directions = rng.standard_normal((DIRECTIONS, units.size))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     surfaces = [np.linalg.solve(factor.T, directions.T).T for factor in factors]
-    level = (LARGEST / max(float((np.abs(s) / units).max()) for s in surfaces)) ** 2
+    longest = max(float((np.abs(s) / units).max()) for s in surfaces)
+    level = (LARGEST / longest) ** 2
     for _ in range(LEVELS):
         tried = level, INNER * level
         if all(_falls(solver, amplitude, points, forms, surfaces, each) for each in tried):

@@ -167,7 +167,8 @@ class TangentMaps:
         from scipy.linalg import block_diag  # it is seldom needed
 
         p, n, _ = self.matrices.shape
-        powers = np.linalg.eigvals(np.roll(block_diag(*self.matrices), n, axis=0)) ** p
+        cyclic = np.roll(block_diag(*self.matrices), n, axis=0)
+        powers = np.linalg.eigvals(cyclic) ** p
         multipliers = np.empty(n, complex)
         for k in range(n):
             largest = powers[np.argmax(np.abs(powers))]

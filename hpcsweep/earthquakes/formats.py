@@ -75,7 +75,8 @@ def _smc(lines: list[str]) -> Iterator[Channel]:
     whole, real = _cells(lines[11:17], 10), _cells(lines[17:27], 15)
     if len(whole) != 48 or len(real) != 50:
         raise ValueError("must have 48 integers and 50 numbers in lines 12 to 27, has not")
-    yield Channel(lines[27 + int(whole[15]) :], 1.0 / float(real[1]), "cm/s2", int(whole[16]), 10)
+    samples = lines[27 + int(whole[15]) :]
+    yield Channel(samples, 1.0 / float(real[1]), "cm/s2", int(whole[16]), 10)
 
 
 def _cosmos(lines: list[str]) -> Iterator[Channel]:

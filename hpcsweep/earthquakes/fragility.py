@@ -243,11 +243,13 @@ def _fragility(
     line = np.array([1.0, place]) / b[1]
 
     def of_median(log_theta: float) -> float:
-        return fit.value(fit.largest(np.zeros(2), np.array([[-log_theta, 1.0]]), b[1:])) - least
+        along = np.array([[-log_theta, 1.0]])
+        return fit.value(fit.largest(np.zeros(2), along, b[1:])) - least
 
     def of_inverse(log_b1: float) -> float:
         start = np.array([0.0, math.exp(log_b1)])
-        return fit.value(fit.largest(start, np.array([[1.0, 0.0]]), -place * start[1:])) - least
+        across = np.array([[1.0, 0.0]])
+        return fit.value(fit.largest(start, across, -place * start[1:])) - least
 
     step = math.sqrt(float(line @ covariance @ line))
     medians = [_end(of_median, place, sign * step) for sign in (-1.0, 1.0)]

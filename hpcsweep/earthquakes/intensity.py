@@ -98,7 +98,8 @@ def intensity(record: Record, gravity: float = STANDARD_GRAVITY) -> Intensity:
     v, d = velocity[:-1], displacement[:-1]
     turns = _roots(np.zeros_like(b), b, a, dt)
     pgv = np.abs(v[:, None] + a[:, None] * turns + b[:, None] * turns**2 / 2.0)
-    pgd = np.abs(d[:, None] + _moved(_roots(b / 2.0, a, v, dt), v[:, None], a[:, None], b[:, None]))
+    rests = _roots(b / 2.0, a, v, dt)
+    pgd = np.abs(d[:, None] + _moved(rests, v[:, None], a[:, None], b[:, None]))
     return Intensity(
         pga=record.peak,
         pgv=max(float(pgv.max()), float(np.abs(velocity).max())),
@@ -112,7 +113,8 @@ def ground_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
     """Return the velocity and displacement of the ground at the samples, from rest, each (m,)."""
     a, dt = record.acceleration, record.dt
     velocity = np.append(0.0, np.cumsum(dt * (a[:-1] + a[1:]) / 2.0))
-    return velocity, np.append(0.0, np.cumsum(_moved(dt, velocity[:-1], a[:-1], np.diff(a) / dt)))
+    steps = _moved(dt, velocity[:-1], a[:-1], np.diff(a) / dt)
+    return velocity, np.append(0.0, np.cumsum(steps))
 
 
 def significant_duration(record: Record) -> float:
@@ -223,7 +225,8 @@ class Measure:
         names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa", "target": "target factor"}
         name = names.get(self.by, self.by.upper())
         periods += f"; {100 * self.damping_ratio:g} %" * bool(periods)
-        inside = ", ".join(filter(None, (self.components.replace("rotd", "RotD"), periods)))
+        components = self.components.replace("rotd", "RotD")
+        inside = ", ".join(filter(None, (components, periods)))
         return f"{name}({inside})" if inside else name
 
     def ordinates(self, record: Record, other: Record | None = None) -> np.ndarray:

@@ -182,7 +182,8 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
         scale = np.where(any_reached, below + part * (above - below), math.inf)
     scale = np.where(unknown.any(axis=-1), math.nan, scale)
     crossings = np.count_nonzero(np.diff(reached, axis=-1), axis=-1)
-    return Capacity(scale, below, above, crossings - (any_reached & (first[..., 0] > 0)))
+    later = crossings - (any_reached & (first[..., 0] > 0))
+    return Capacity(scale, below, above, later)
 
 
 def linear_capacity(scale: float, responses: Any, threshold: float) -> Capacity:

@@ -202,12 +202,13 @@ def read_values(values: Values):
     if "lyapunov_spectrum" in settings.metrics and not TANGENTS.of(structure):
         raise values.error("output.lyapunov_spectrum", True, f"must be false {TANGENTS.lacks}")
     usual = study.default_block if SOLVERS[settings.solver].follows_orbits else 1
+    block = values.get("output.block", usual)
     whole = study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, each[0], study.starts_at_rest),
         settings=settings,
-        block_size=values.whole("output.block", values.get("output.block", usual), *BLOCK.limits),
+        block_size=values.whole("output.block", block, *BLOCK.limits),
         **along,
     )
     return _portion(values, whole)

@@ -104,7 +104,8 @@ def adjacent(
     masses = np.concatenate([np.diag(structure.mass_matrix) for structure in alone])
     of_all: dict[str, Any] = {"gap": gap, "stiffness": stiffness, "restitution": restitution}
     of_all |= {"damping": damping, "tension": tension, "bumper": bumper}
-    contacts, labels = _touching(levels, [*between] or [of_all] * len(levels), floors, masses)
+    tables = [*between] or [of_all] * len(levels)
+    contacts, labels = _touching(levels, tables, floors, masses)
     key = "restitution" if damping is None else "damping"
     refuse_smooth(contacts, sharpness, None if between else (f"pounding.{key}", of_all[key]))
     sliders = _beside([structure.sliders for structure in alone], first)
@@ -184,9 +185,10 @@ def _contact(stop: tuple[Any, float, float], c, tension, e: float | None, masses
 
 def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:
     """Return labels of buildings, of floors for instance, behind the buildings' names."""
+    pairs = zip(names, map(attrgetter(what), alone), strict=True)
     return [
         f"{name}{label}" if label.isdigit() else f"{name} {label}"
-        for name, labels in zip(names, map(attrgetter(what), alone), strict=True)
+        for name, labels in pairs
         for label in labels
     ]
 

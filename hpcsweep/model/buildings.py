@@ -198,7 +198,8 @@ class Building:
             rows.append(row)
             stiffness.append(share * springs[i] / (4.0 * (x * (1.0 - x)) ** 3))
         points, kept = np.array(rows), np.eye(n, n + len(heights))
-        drag = 2.0 * float(np.min(fixed.damping_ratios)) * np.sqrt(np.multiply(stiffness, mass))
+        ratio = float(np.min(fixed.damping_ratios))
+        drag = 2.0 * ratio * np.sqrt(np.multiply(stiffness, mass))
         made = Structure.from_matrices(
             np.append(np.diag(fixed.mass_matrix), [mass] * len(heights)),
             kept.T @ fixed.elastic_stiffness @ kept + points.T @ np.diag(stiffness) @ points,

@@ -117,7 +117,8 @@ class FiniteElements:
 
     def _listed(self, places: np.ndarray) -> str:
         """Return the names of coordinates, the first of many."""
-        return ", ".join(self.names[i] for i in places[:TOLD]) + ", ..." * (places.size > TOLD)
+        names = ", ".join(self.names[i] for i in places[:TOLD])
+        return names + ", ..." * (places.size > TOLD)
 
     @property
     def _alone(self) -> np.ndarray:
@@ -281,7 +282,8 @@ class FiniteElements:
             massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
-            k, error = reduction.choose(modes, reduce, room, measured, springs_of(contacts))
+            kappa = springs_of(contacts)
+            k, error = reduction.choose(modes, reduce, room, measured, kappa)
             k = min(k if not more else reduction.TIMES * k + reduction.MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]
             rows = [*alone, *signed]

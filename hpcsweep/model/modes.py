@@ -56,7 +56,8 @@ def natural_modes(
 
     squares, shapes = eigh(stiffness, mass)
     for shape in shapes.T:
-        if shape[np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())] < 0:
+        first = np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())
+        if shape[first] < 0:
             shape *= -1.0
     if n_rigid is None:
         n_rigid = int(np.count_nonzero(scaled_stiffness(stiffness) <= RIGID))

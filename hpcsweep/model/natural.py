@@ -16,7 +16,8 @@ class NaturalModes(System):
     def _modes(self) -> tuple[np.ndarray, np.ndarray]:
         if self.is_uniform:
             n = self.n_floors
-            frequencies = 2 * np.sin((2 * np.arange(1, n + 1) - 1) * math.pi / (4 * n + 2))
+            i = np.arange(1, n + 1)
+            frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
             floors, numbers = np.ogrid[1 : n + 1, 1 : n + 1]
             shapes = np.sin(floors * (2 * numbers - 1) * math.pi / (2 * n + 1))
             shapes = shapes / np.linalg.norm(shapes, axis=0)

@@ -60,7 +60,8 @@ def sticking(
 
     With N^T M N = 1. One that no row of a contact feels is a support that was forgotten.
     """
-    tied = sparse.csr_array(np.sqrt([slider.stiffness for slider in sliders])[:, None] * slides)
+    springs = np.sqrt([slider.stiffness for slider in sliders])
+    tied = sparse.csr_array(springs[:, None] * slides)
     held = sparse.csr_array(stiffness + tied.T @ tied)
     if not (n_free := motions_below(held, 1.0)):
         return held, np.zeros((held.shape[0], 0))

@@ -82,7 +82,8 @@ class Spring:
     @property
     def stiffness(self) -> float:
         """k_0, that from 0 on."""
-        return float(self.slopes[np.searchsorted(np.array(self.table)[:, 0], 0.0, "right") - 1])
+        d = np.array(self.table)[:, 0]
+        return float(self.slopes[np.searchsorted(d, 0.0, "right") - 1])
 
     @property
     def kinks(self) -> list[Contact]:

@@ -81,7 +81,8 @@ def run(
     """
     if comm.rank == 0:
         traffic = traffic or Traffic()
-        finished = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick).run(compute)
+        master = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick)
+        finished = master.run(compute)
     else:
         _work(comm, compute, flag, at_rest)
         finished = None

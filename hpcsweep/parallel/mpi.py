@@ -273,4 +273,5 @@ def open_file(path):
 
 def launched_rank() -> int:
     """Return this process's rank as the launcher says, 0 if there was none."""
-    return _launched(("PMI_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "MV2_COMM_WORLD_RANK"), 0)
+    names = "PMI_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "MV2_COMM_WORLD_RANK"
+    return _launched(names, 0)

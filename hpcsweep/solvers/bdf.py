@@ -149,7 +149,8 @@ class BdfMap:
             length = np.linalg.norm(z[size:])
             logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        return logarithms, self._units.tangent_out_of(z[size:, None]).ravel(), Outcome.COMPLETE
+        end = self._units.tangent_out_of(z[size:, None]).ravel()
+        return logarithms, end, Outcome.COMPLETE
 
     def monodromy(self, state, amplitude, n_periods) -> tuple[np.ndarray, np.ndarray]:
         """Integrate with the tangent map; see `hpcsweep.solvers.flow.FlowMap.monodromy`.
@@ -188,7 +189,8 @@ class BdfMap:
         def accelerations(field: Callable, tau: float, z: np.ndarray) -> np.ndarray:
             base = amplitude / self._units.amplitude_unit
             ground = base * (size @ np.sin(order * self._model.omega * tau + phase))
-            return field(tau, z)[len(z) // 2 :][:n] + self._model.ground * ground
+            forced = field(tau, z)[len(z) // 2 :][:n]
+            return forced + self._model.ground * ground
 
         return accelerations
 

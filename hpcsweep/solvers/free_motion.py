@@ -62,9 +62,10 @@ class FreeMotion:
             return None
         n, p = self._structure.n_floors, state[2 * self._structure.n_floors :]
         point = np.concatenate((self._rest @ p, np.zeros(n), p))
+        moved = state[: 2 * n] - point[: 2 * n]
         shift = self.orbit.directions @ point[:n]
         shift[len(shift) - 2 * len(p) :] -= np.concatenate((p, -p))
-        if not self._proved(state[: 2 * n] - point[: 2 * n], amplitude, np.empty(2 * n), shift):
+        if not self._proved(moved, amplitude, np.empty(2 * n), shift):
             return None
         point[: 2 * n] += amplitude * self._free.point
         return point, self._multiplier
@@ -74,7 +75,8 @@ class FreeMotion:
         """K^-1 B^T k."""
         structure = self._structure
         springs = np.array([slider.spring for slider in structure.sliders])
-        return np.linalg.solve(structure.held_stiffness, structure.slider_directions.T * springs)
+        load = structure.slider_directions.T * springs
+        return np.linalg.solve(structure.held_stiffness, load)
 
     def _proved(self, state, amplitude: float, end, shift=0.0) -> int:
         """Call `free.is_free`, of a structure that rests so far along its directions."""
@@ -89,6 +91,7 @@ def _tables(structure, orbit, omega, transient, sampling, same) -> Free:
     modal = orbit.directions @ phi
     once = period_map(structure, structure.forcing.period(omega))
     left, end = (np.linalg.matrix_power(once, count) for count in (transient, transient + sampling))
+    shapes = np.kron(np.eye(2), phi)
     return Free(
         known=True,
         levels=orbit.levels,
@@ -100,7 +103,7 @@ def _tables(structure, orbit, omega, transient, sampling, same) -> Free:
         softness=np.sqrt(((modal / frequencies) ** 2).sum(axis=1)),
         coupled=not structure.is_modal,
         left=left / np.repeat(structure.state_units[[0, n]], n)[:, None],
-        end=np.kron(np.eye(2), phi) @ end,
+        end=shapes @ end,
         most=DECAYED * same / float(np.abs(phi).max()),
         modal=np.empty(2 * n),
         size=np.empty(n),

@@ -77,7 +77,8 @@ class LinearOrbit:
         """
         if not self.is_known:
             return None
-        if np.any(abs(amplitude) * self.largest[0 if amplitude >= 0 else 1] >= self.levels):
+        away = abs(amplitude) * self.largest[0 if amplitude >= 0 else 1]
+        if np.any(away >= self.levels):
             return None
         return self.observation(amplitude, self.state(amplitude))
 
@@ -138,11 +139,13 @@ class LinearOrbit:
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""
-        return self._modal_norm if amplitude else np.full(self._structure.n_floors, math.nan)
+        n = self._structure.n_floors
+        return self._modal_norm if amplitude else np.full(n, math.nan)
 
     @cached_property
     def _modal_norm(self) -> np.ndarray:
-        return _mean_modal_norm(self._orders, self._responses @ self._structure.modal_transform.T)
+        modal = self._responses @ self._structure.modal_transform.T
+        return _mean_modal_norm(self._orders, modal)
 
 
 def period_map(structure: Structure, period: float) -> np.ndarray:
@@ -163,7 +166,8 @@ def slowest_decay(structure: Structure) -> float:
     if not structure.is_modal:
         return float(np.log(np.abs(np.linalg.eigvals(period_map(structure, 1.0)))).max())
     w, zeta = structure.frequencies, structure.damping_ratios
-    return float((-zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))).max())
+    rates = -zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))
+    return float(rates.max())
 
 
 def _mean_modal_norm(orders: np.ndarray, modal: np.ndarray) -> np.ndarray:

@@ -66,7 +66,8 @@ class PeriodMap:
         structure = structure.within_reach(amplitude, self.state)
         structure = structure.measured_at(forcing_frequency("omega", omega), amplitude)
         self.structure, omega, rtol = solver_arguments(structure, omega, rtol, yields=True)
-        made = shared_at(self.structure, omega, min(LAYER_TOLERANCE * rtol, 1e-9), MAX_STEPS, parts)
+        tolerance = min(LAYER_TOLERANCE * rtol, 1e-9)
+        made = shared_at(self.structure, omega, tolerance, MAX_STEPS, parts)
         self._shared, self._packed, _ = made
         units = Units(self.structure, self._shared.model)
         self._sliders = Sliders(self.structure, self._shared.model.elements)
@@ -102,7 +103,8 @@ class PeriodMap:
         for begin in range(0, size - 1, self._parts):
             if plastic.size:
                 plastic = plastic if not begin else self._sliders.plastic(z, modes)[0]
-                begin_period(np.append(z, plastic), z.size, modes, self._shared.model.elements)
+                elements = self._shared.model.elements
+                begin_period(np.append(z, plastic), z.size, modes, elements)
             for rows, start in zip(held, carried, strict=True):
                 rows[begin] = start
             for first, last in self._polling.cut(self._parts):

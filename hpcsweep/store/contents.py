@@ -248,7 +248,8 @@ def _form_problems(file: h5py.File, name: str, dtype: np.dtype, shape: tuple) ->
         return [f"{name}: not a variable"]
     is_text = dtype.kind == "O"
     if h5py.check_string_dtype(data.dtype) is None if is_text else data.dtype != dtype:
-        problems.append(f"{name}: its type is {data.dtype}, not {'string' if is_text else dtype}")
+        wanted = "string" if is_text else dtype
+        problems.append(f"{name}: its type is {data.dtype}, not {wanted}")
     if data.shape != shape:
         problems.append(f"{name}: its shape is {data.shape}, not {shape}")
     return problems

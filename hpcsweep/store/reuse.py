@@ -83,11 +83,12 @@ class Earlier:
     def rows(self, block: Block, start: np.ndarray) -> dict[str, np.ndarray] | str:
         """Return the rows of a block that starts from a state, or one of `REASONS`."""
         study, inner = self._study.part_of(block)
+        part = as_kind(study, RunGrid)
         place = self._place_of(block.place[: len(block.place) - len(inner.place)])
         if place is None:
             return NOT_THE_SAME
         old = as_kind(self.layout.study.part(place), RunGrid)
-        taken = self._find(old, as_kind(study, RunGrid), inner)
+        taken = self._find(old, part, inner)
         if taken is None:
             return NOT_IN_GRID
         direction, frame, first = taken
@@ -103,7 +104,8 @@ class Earlier:
         before = self._blocks.start_of(held, begun - held.first[-1])
         if before.tobytes() != np.ascontiguousarray(start, "<f8").tobytes():
             return OTHER_STATE
-        return {name: np.array([row[name] for row in rows]) for name in self._blocks.variables}
+        names = self._blocks.variables
+        return {name: np.array([row[name] for row in rows]) for name in names}
 
     def _find(self, old: RunGrid, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
         """Return the direction, the frame and the lowest amplitude of a block in the other grid."""

@@ -42,7 +42,8 @@ class WrittenLayout(Layout):
             said = {note: str(self._notes[name][note]) for note in NOTES[:2]}
             said["dtype"] = data[name].dtype.str
             dims = tuple((axis or [name])[0] for axis in scales_of(data[name]))
-            return replace(known.get(name) or Variable(name, (), "", "", ""), dims=dims, **said)
+            usual = known.get(name) or Variable(name, (), "", "", "")
+            return replace(usual, dims=dims, **said)
 
         def listed(key: str) -> list[Variable]:
             return [held(name) for name in str(self._attributes.get(key, "")).split()]

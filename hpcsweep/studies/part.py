@@ -138,7 +138,8 @@ class Part(ABC):
     @property
     def n_tasks(self) -> int:
         """Number of tasks of the study."""
-        return int(self.task_of(len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1)) + 1
+        last = len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1
+        return int(self.task_of(*last)) + 1
 
     @property
     def n_runs(self) -> int:

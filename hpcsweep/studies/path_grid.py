@@ -195,7 +195,8 @@ class PathGrid(RunGrid):
     def read_grid(values: Any, followed: Followed | None) -> dict[str, Any]:
         """Read the fields that say where the paths of a job lead."""
         if steps := read_path(values, followed):
-            return {"steps": steps, **{name: np.unique(getattr(steps, name)) for name in FORCING}}
+            forcing = {name: np.unique(getattr(steps, name)) for name in FORCING}
+            return {"steps": steps, **forcing}
         return {name: values.forcing(name) for name in FORCING}
 
     def cut(self, frames: slice) -> dict[str, Any]:
@@ -293,7 +294,8 @@ class PathGrid(RunGrid):
         parts: list[Rows] = []
         for (omega, at), stretch in groupby(places.tolist(), lambda k: (omegas[k], k * several)):
             structure = self.structure_at(at) if several else self.moving
-            parts.append(self.runs_of(structure, omega).follow(amplitudes[[*stretch]], state, poll))
+            runs = self.runs_of(structure, omega)
+            parts.append(runs.follow(amplitudes[[*stretch]], state, poll))
             state = self.end_state(parts[-1], -1)
         return joined(parts)
 

@@ -110,7 +110,8 @@ def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
 
 def _apart(structure: Structure, states: np.ndarray, stored: np.ndarray) -> float:
     """Return the largest difference of states, in their units, relative to a steady drift."""
-    return float((np.abs(structure.without_drift(states - stored)) / structure.state_units).max())
+    apart = structure.without_drift(states - stored)
+    return float((np.abs(apart) / structure.state_units).max())
 
 
 def _compare_points(settings: SweepSettings, again: RunAgain, solver, tangent, run: dict) -> None:
@@ -137,7 +138,8 @@ def _compare_points(settings: SweepSettings, again: RunAgain, solver, tangent, r
         if k:
             points, outcome = solver.points(z, again.amplitude, n_periods)
         else:
-            seen = solver.observe(z, again.amplitude, n_periods, True, measures=settings.measures)
+            measures = settings.measures
+            seen = solver.observe(z, again.amplitude, n_periods, True, measures=measures)
             points, outcome = seen.points, seen.outcome
         if outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"{again.solver}: {outcome.name}")

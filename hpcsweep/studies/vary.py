@@ -78,7 +78,8 @@ class Varied:
             return 0
         first = 0
         for k in range(len(axis.values)):
-            structure = (_part(self.make, (*(0,) * i, k, *rest)) if k else self.base).structure
+            at = (*(0,) * i, k, *rest)
+            structure = (_part(self.make, at) if k else self.base).structure
             in_gaps = is_in_gaps(structure)
             if not structure.is_uniform or not (in_gaps or "p_delta" in names):
                 return k

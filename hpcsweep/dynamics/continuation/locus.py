@@ -190,7 +190,8 @@ class Locus(Curve):
         """Return a point with its tangent, which is near `way` and points along `border`."""
         apart = max(APART * step, MIN_APART)
         assert at.inverse is not None
-        other = self._cross(at.y + apart * way, at.inverse[:, -1], across, at, apart, OF_TANGENT)
+        guess = at.y + apart * way
+        other = self._cross(guess, at.inverse[:, -1], across, at, apart, OF_TANGENT)
         away = other.y - at.y
         tangent = away / np.linalg.norm(away)
         return at._replace(tangent=tangent if tangent @ border > 0 else -tangent)

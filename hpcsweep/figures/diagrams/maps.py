@@ -103,7 +103,8 @@ def motion_map(results, value: str = "period", cells: bool | None = None, **_opt
         style.need(results, value)
     results = mesh.by_frequency(results)
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
-    figure, axes = mesh.panels(panels, (7.2, mesh.map_height(results, 5.2)), (3.6, 3.6), (0.0, 0.6))
+    size = 7.2, mesh.map_height(results, 5.2)
+    figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
     kinds: dict = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
     if value in kinds:
         index, colours, keys = kinds[value](results)
@@ -208,7 +209,8 @@ def number(results, cells: bool | None = None, **_options):
         If the points do not form a map.
     """
     results = mesh.by_frequency(results)
-    counted = (results["outcome"].values[0] > 0) | inferred(results, "n_attractors")[0]
+    done = results["outcome"].values[0] > 0
+    counted = done | inferred(results, "n_attractors")[0]
     held = np.where(counted, filled(results, "n_attractors")[0], -1)
     held = np.where(held == 0, -1, held)
     counts = [("number of attractors", held, 1)]
@@ -233,7 +235,8 @@ def _count_panel(axis, results, name: str, values: np.ndarray, least: int) -> No
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
     mesh.grid_of(results).fill(axis, index, colours)
     names = [*map(str, range(least, top)), f"{top} or more"]
-    handles = mesh.share_keys(index, [*zip(names, colours, strict=True)], "none, or not computed")
+    entries = [*zip(names, colours, strict=True)]
+    handles = mesh.share_keys(index, entries, "none, or not computed")
     handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
     where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}

@@ -81,7 +81,8 @@ def by_frequency(results):
     """
     need_map(results["outcome"].dims, amplitudes(results).size)
     results = results.transpose("direction", "omega", "amplitude", ...)
-    return results.isel(omega=np.argsort(results["omega"].values, kind="stable"), direction=[0])
+    order = np.argsort(results["omega"].values, kind="stable")
+    return results.isel(omega=order, direction=[0])
 
 
 def amplitudes(results) -> np.ndarray:
@@ -191,7 +192,8 @@ def grid_of(results) -> Grid:
     """Return the grid of results over amplitude and frequency."""
     structure = style.structure_of(results)
     names = labels.parameter(structure, "amplitude"), labels.parameter(structure, "omega")
-    return Grid(amplitudes(results), results["omega"].values, names, is_list=SCATTERED in results)
+    places = amplitudes(results), results["omega"].values
+    return Grid(*places, names, is_list=SCATTERED in results)
 
 
 def finish(axes, results, cells: bool | None = None) -> None:
@@ -266,8 +268,9 @@ def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
     by_period : bool
         See `drawn_motions`.
     """
+    computed = max(int((index >= 0).sum()), 1)
     names = drawn_motions(by_period, structure)
-    return share_keys(index, names, "not computed", ("undecided",), max(int((index >= 0).sum()), 1))
+    return share_keys(index, names, "not computed", ("undecided",), computed)
 
 
 def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:

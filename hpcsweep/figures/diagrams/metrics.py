@@ -77,7 +77,8 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
         structure.steady_harmonics(omega)
     except ZeroDivisionError:
         return np.full(structure.n_floors, np.nan)
-    seen = orbit.window(1e-3 * structure.length_unit * structure.frequency_unit**2)
+    small = 1e-3 * structure.length_unit * structure.frequency_unit**2
+    seen = orbit.window(small)
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 
@@ -121,7 +122,8 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
         axis.plot(frame.along, free[:, mode], label=label, **looks)
     axis.set_ylabel(labels.RUN_LABELS["modal_norm"])
     if shown < runs.sizes["mode"]:
-        axis.set_title(f"the lowest {shown} of {runs.sizes['mode']} modes", loc="right", fontsize=9)
+        title = f"the lowest {shown} of {runs.sizes['mode']} modes"
+        axis.set_title(title, loc="right", fontsize=9)
 
 
 @figure_of("measures", "motions", load_frame, OMEGA, AMPLITUDES, DIRECTION)
@@ -192,7 +194,8 @@ def benefit(results, **_options):
     handles = [labels.area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
     style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
     title = f"{style.caption(results)},  {style.words_of(results)}"
-    return style.head(figure, title, r"$r$ = drift with the stop / drift without it", fontsize=9)
+    meaning = r"$r$ = drift with the stop / drift without it"
+    return style.head(figure, title, meaning, fontsize=9)
 
 
 def free_drift(structure, omega: float) -> float:
@@ -223,5 +226,6 @@ def _benefit_panel(axis, results, classes, chosen, ratio, name) -> None:
     count = int(rated.sum())
     note = "no such run"
     if count:
-        note = f"beneficial: {style.percent(float((ratio[rated] <= 1).mean()))} of {count} runs"
+        share = style.percent(float((ratio[rated] <= 1).mean()))
+        note = f"beneficial: {share} of {count} runs"
     axis.set_title(f"{name}\n{note}", fontsize=9)

@@ -76,7 +76,8 @@ def orbit(
     PlotError
         If the file does not hold the variables to draw.
     """
-    frame = sweep.open_frame(results, "poincare", *(("contact",) if color == "contact" else ()))
+    needed = ("poincare", *(("contact",) if color == "contact" else ()))
+    frame = sweep.open_frame(results, *needed)
     structure = frame.structure
     figure, axes = sweep.coordinate_panels(structure, floors, labels.along(frame.study))
     groups, keys = _groups(color, frame), sweep.lay_branches(axes, frame, branches)
@@ -203,7 +204,8 @@ def _words_of_regions(count: int, shortened: list[str], along: str) -> str:
         "that close; two sets: sweeps on two motions"
     )
     if len(shortened) > MAX_SHORTENED:
-        shortened = [*shortened[:MAX_SHORTENED], f"and {len(shortened) - MAX_SHORTENED} more"]
+        more = f"and {len(shortened) - MAX_SHORTENED} more"
+        shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
     return "\n".join([text, *wrap(",  ".join(unbroken), NOTE_ROOM)])
 

@@ -170,7 +170,8 @@ def orbit_curves(frame, motion: DrawnRun, structure) -> tuple[np.ndarray, np.nda
     points = frame["poincare"].values[motion][:count]
     run = frame.isel({frame["outcome"].dims[-1]: motion.along})
     amplitude, omega = float(run["amplitude"]), float(run["omega"])
-    return points, np.array([trajectory(structure, amplitude, omega, point) for point in points])
+    curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
+    return points, curves
 
 
 def _row(axes, frame: Frame, motion: DrawnRun, label: str, colour: str) -> None:
@@ -205,7 +206,8 @@ def _stops(axis, stops: tuple[list[float], list[float]]) -> None:
         axis.axvline(place, color="black", linewidth=1.2, zorder=3)
         room = place + side * max(0.04 * width, 0.08 * abs(place))
         low, high = min(low, room), max(high, room)
-        axis.axvspan(*sorted((place, place + side * 10 * (high - low))), zorder=0, **BEYOND)
+        beyond = place + side * 10 * (high - low)
+        axis.axvspan(*sorted((place, beyond)), zorder=0, **BEYOND)
     axis.set_xlim(low, high)
 
 
@@ -219,7 +221,8 @@ def words_of_run(frame: Frame, motion: DrawnRun) -> str:
     if "shakedown" in runs and (slides := int(runs["shakedown"].values[motion])):
         name += f",{shakedown_name(slides)}"
     direction = str(runs["direction"].values[motion.direction])
-    where = f"{labels.typeset(frame.study.run_dims[-1])} = {float(frame.along[motion.along]):.5g}"
+    dim = frame.study.run_dims[-1]
+    where = f"{labels.typeset(dim)} = {float(frame.along[motion.along]):.5g}"
     return f"{where}, {direction}: {name}"
 
 

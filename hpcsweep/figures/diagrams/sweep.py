@@ -200,7 +200,8 @@ def mark_stops(axis, structures: Sequence, coordinate: Coordinate, along=()) -> 
         ends = [(stop - margin, stop + margin) for stop in near] + [limits]
         limits = min(ends)[0], max(end for _, end in ends)
     looks = {"color": palette.STOP, "linewidth": 0.8, "linestyle": (0, (5, 3)), "zorder": 1}
-    for stop in np.array([np.concatenate(coordinate.stops(each)) for each in structures]).T:
+    places = np.array([np.concatenate(coordinate.stops(each)) for each in structures])
+    for stop in places.T:
         if len(stop) == 1 and limits[0] < stop[0] < limits[1]:
             axis.axhline(stop[0], **looks)
         elif len(stop) > 1:
@@ -258,8 +259,9 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
 
 def choose(omegas: np.ndarray) -> np.ndarray:
     """Return frames spread evenly over frequency, in order, at most `MAX_FRAMES`."""
+    count = min(omegas.size, MAX_FRAMES)
     return np.argsort(omegas, kind="stable")[
-        np.linspace(0, omegas.size - 1, min(omegas.size, MAX_FRAMES)).round().astype(int)
+        np.linspace(0, omegas.size - 1, count).round().astype(int)
     ]
 
 

@@ -65,7 +65,8 @@ def predict_points(codes: np.ndarray, counts: np.ndarray) -> np.ndarray:
     same = np.zeros(counts.shape, bool)
     same[:, 1:] = counts[:, 1:] == counts[:, :-1]
     back = np.repeat(np.where(same, counts, 0).ravel(), counts.ravel())
-    before = np.where(back > 0, codes[:, np.arange(codes.shape[1]) - back], 0)
+    index = np.arange(codes.shape[1])
+    before = np.where(back > 0, codes[:, index - back], 0)
     return (codes - before).astype(np.uint16)
 
 
@@ -93,4 +94,5 @@ def to_text(codes: np.ndarray) -> str:
     deflate = zlib.compressobj(strategy=zlib.Z_RLE)
     flat = np.ascontiguousarray(codes.ravel()).astype(codes.dtype.newbyteorder("<"))
     planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T
-    return base64.b64encode(deflate.compress(planes.tobytes()) + deflate.flush()).decode("ascii")
+    packed = deflate.compress(planes.tobytes()) + deflate.flush()
+    return base64.b64encode(packed).decode("ascii")

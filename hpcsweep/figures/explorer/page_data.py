@@ -284,7 +284,8 @@ def _points(frame, n: int, limit: int):
     place = np.arange(stored.shape[2])
     # a phase that varies continuously with amplitude: easier on the eye and to compress
     top = np.where(place < n_points[..., None], stored[..., n - 1], -np.inf)
-    first = np.where((period > 0) & (n_points == period), np.argmax(top, axis=-1), 0)
+    whole = (period > 0) & (n_points == period)
+    first = np.where(whole, np.argmax(top, axis=-1), 0)
     counts = np.minimum(n_points, limit)
     keep = place < counts[..., None]
     order = (first[..., None] + place) % np.maximum(n_points, 1)[..., None]

@@ -111,7 +111,8 @@ class Film:
         places = [place.partition(" ")[2] for place in self.measure.places] if self.measure else []
         self.floors = style.choose_floors(places, request.floors) if places else []
         self.coordinates = [] if places else coordinates(self.structure, request.floors)
-        self.order = np.argsort(self.study.frames, kind="stable")[:: request.every].tolist()
+        order = np.argsort(self.study.frames, kind="stable")
+        self.order = order[:: request.every].tolist()
         self.overlay: Overlay | None = None
         if request.branches:
             if request.show:

@@ -127,7 +127,8 @@ class AttractorGrid(search.SearchLimits, RunGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count attractors, and the starts that reached no stored one."""
-        number = runs["n_attractors"][done & (runs["outcome"] == Outcome.COMPLETE)]
+        good = done & (runs["outcome"] == Outcome.COMPLETE)
+        number = runs["n_attractors"][good]
         return {
             "attractors_per_point": float(number.mean()) if number.size else None,
             "points_with_several": int((number > 1).sum()),

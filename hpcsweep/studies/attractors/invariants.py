@@ -50,9 +50,10 @@ def _of_shares(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
         stored = [rows[name][row, slot] for name in ("share", "share_low", "share_high")]
         expected = [count / limits.starts, low, high]
         wrong[row] |= not np.allclose(stored, expected, rtol=0, atol=ROUNDING)
+    falls = np.where(held, hits, -1)
     return {
         "share and its interval are those of the hits": wrong,
-        "shares fall": np.any(np.diff(np.where(held, hits, -1), axis=1) > 0, axis=1),
+        "shares fall": np.any(np.diff(falls, axis=1) > 0, axis=1),
     }
 
 

@@ -249,7 +249,8 @@ def _of_points(span: tuple[float, float], rows: Rows) -> Broken:
     branch, value = rows["step_branch"], rows["value"]
     held = branch > 0
     with np.errstate(invalid="ignore"):
-        steady = np.hypot(rows["multiplier_real"], rows["multiplier_imag"]).max(axis=2) < 1.0
+        size = np.hypot(rows["multiplier_real"], rows["multiplier_imag"])
+        steady = size.max(axis=2) < 1.0
     special = rows["special_branch"] > 0
     step = rows["special_step"]
     return {

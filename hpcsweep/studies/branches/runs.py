@@ -146,7 +146,8 @@ def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
             rows["step_branch"][0, at], rows["value"][0, at] = k + 1, value
             rows["stable"][0, at] = abs(orbit.multipliers[0]) < 1.0
             rows["contact"][0, at] = seen.contact
-            rows["drift"][0, at] = normalised_drift(seen.peak_drift, *forced.at(value)[1:])
+            drift = normalised_drift(seen.peak_drift, *forced.at(value)[1:])
+            rows["drift"][0, at] = drift
             sliders = told_of_sliders(forced.structure, seen.slid, len(points), NO_SLIP)
             for name in sliders.keys() & rows.keys():
                 rows[name][0, at] = sliders[name]
@@ -196,9 +197,10 @@ def _store_curves(
         *(study.structure, float(study.amplitude[line]), omega, PLANE, study.settings.rtol, poll)
     )
     scale = np.array([high - low for low, high in (study.span, study.curve_span)])
+    plane = Plane(pair, omega, (study.span, _strip(study, line)), scale)
     curves, on = curves_through(
         catalogue,
-        Plane(pair, omega, (study.span, _strip(study, line)), scale),
+        plane,
         [KINDS[name] for name in study.curves],
         study.settings.max_orbit_period,
         Limits(-np.inf, np.inf, study.steps, study.largest_step),

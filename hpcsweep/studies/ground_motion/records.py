@@ -81,6 +81,7 @@ class Records(RecordGrid):
         measure, scale = scales.read_scale(values)
         suite, paths = keys.read_found(values, structure)
         tail = keys.read_tail(values, suite, structure)
+        names = [facts.name for facts in suite]
         made = cls(
             suite=suite,
             source=keys.read_source(values, paths),
@@ -91,7 +92,7 @@ class Records(RecordGrid):
             gravity=scales.read_gravity(values),
             history=keys.read_history(values, suite, tail),
             floors=variables.read_floor_spectra(values, suite, structure),
-            columns=tuple(scales.read_columns(values, [facts.name for facts in suite])),
+            columns=tuple(scales.read_columns(values, names)),
             **common,
         )
         given = [variable for variable, _ in made.given]
@@ -202,7 +203,8 @@ class Records(RecordGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the runs spared by the rule ``linear``."""
-        return {"runs_below_contact": int((done & (runs["skip_rule"] == SkipRule.LINEAR)).sum())}
+        linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
+        return {"runs_below_contact": int(linear.sum())}
 
     def tally(self) -> describe.ResponseTally:
         """Return a tally of runs for ``summary``."""

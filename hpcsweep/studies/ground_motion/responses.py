@@ -195,7 +195,8 @@ class RecordResponses:
         rows[FLOOR_SPECTRUM.name][k] = spectra.acceleration
         if SPECTRUM_ALONE.name in rows:
             if rows["skip_rule"][k] == SkipRule.NONE:
-                spectra = of(structure.without_contacts(), record, periods, ratio, factor, tail)
+                free = structure.without_contacts()
+                spectra = of(free, record, periods, ratio, factor, tail)
             rows[SPECTRUM_ALONE.name][k] = spectra.acceleration
 
     def prepare(self, record: Record) -> None:
@@ -245,7 +246,8 @@ class RecordResponses:
         ended = respond(structure, record, scale, self._tail, settings, poll, k)
         values, drifts = self._unknown(self._alone), ended.storey_drift
         if ended.outcome is Outcome.COMPLETE:
-            own = replace(ended, storey_drift=drifts[:n], residual_drift=ended.residual_drift[:n])
+            left = ended.residual_drift[:n]
+            own = replace(ended, storey_drift=drifts[:n], residual_drift=left)
             for peak in self._alone:
                 values[peak.name] = drifts[-k:] if peak.source == "reach" else peak.of(own)
         KEPT.put(key, (values, ended.outcome))

@@ -48,7 +48,8 @@ class Counts:
         """Count the crossed boxes between first and last points, both of shape (m, d)."""
         total = np.zeros(len(begin), np.int64)
         for at in np.ndindex(*(2,) * begin.shape[1]):
-            total += (-1) ** (len(at) - sum(at)) * self._sums[tuple(np.where(at, end, begin).T)]
+            sign = (-1) ** (len(at) - sum(at))
+            total += sign * self._sums[tuple(np.where(at, end, begin).T)]
         return total
 
 
@@ -180,7 +181,8 @@ class Cells:
             Number of wrong points expected in the cells that are left although they disagree.
         """
         cells, first_new = self._cells, len(self._cells.level)
-        bad = np.flatnonzero((cells.level > 0) & ((cells.least < cells.greatest) | cells.crossed))
+        differ = (cells.least < cells.greatest) | cells.crossed
+        bad = np.flatnonzero((cells.level > 0) & differ)
         # a cell with a point that agrees with none is always cut
         never = (cells.least[bad] == 0) | cells.crossed[bad]
         bad = bad[np.lexsort((-cells.cost[bad] / 2.0 ** cells.level[bad], never))]
@@ -244,7 +246,8 @@ class Cells:
             self._crossings.between(begin, end) > 0,
         )
         self._cell_of[self._points(begin, end - 1, 2**level)] = number[:, None]
-        self._cells = _Table(*(np.concatenate(both) for both in zip(self._cells, new, strict=True)))
+        parts = zip(self._cells, new, strict=True)
+        self._cells = _Table(*(np.concatenate(both) for both in parts))
 
     def _points(self, begin: np.ndarray, last: np.ndarray, count: int) -> np.ndarray:
         """Return the points of boxes, flat indices, shape (k, count^d); the last are repeated."""

@@ -183,7 +183,8 @@ class MapGrowth:
         """Compute points of a frame, each a block, from a state."""
         parts = [self.study.part_of(block) for block in blocks]
         part, (_, frame, _) = as_kind(parts[0][0], Part), parts[0][1].first
-        runs = part.runs_at(frame, np.array([inner.first[-1] for _, inner in parts]), state, poll)
+        places = np.array([inner.first[-1] for _, inner in parts])
+        runs = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in runs.items()} for k in range(len(blocks))]
 
     def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:

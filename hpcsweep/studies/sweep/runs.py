@@ -57,7 +57,9 @@ from hpcsweep.studies.sweep import classification
 from hpcsweep.studies.variables import EXPONENTS, empty_rows, store, store_failure
 
 DIRECTIONS = Key(
-    "directions", 'ways along the path: `["up"]`, or `["up", "down"]`, the way back too', [UP, DOWN]
+    "directions",
+    'ways along the path: `["up"]`, or `["up", "down"]`, the way back too',
+    [UP, DOWN],
 )
 ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
@@ -203,7 +205,8 @@ class FrameRuns:
         """Advance until the orbit has closed, then to the point at which its window would end."""
         of = self.settings
         rules = of.transient_cycles, of.max_orbit_period, SETTLED, of.period_tolerance
-        end = self.solver.settle(z, amplitude, *rules, NEAR if "newton" in of.skip else 0.0, poll)
+        near = NEAR if "newton" in of.skip else 0.0
+        end = self.solver.settle(z, amplitude, *rules, near, poll)
         if not end.period or end.outcome is not Outcome.COMPLETE:
             return end
         more = (of.transient_cycles + of.sampling_cycles - end.n_periods) % end.period

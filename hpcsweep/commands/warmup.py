@@ -5,7 +5,7 @@ Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsw
 into a folder that is read-only later. Kernels are compiled for the processor of this machine: run
 it on a node of the type that will compute.
 
-Given jobs, it also compiles kernels specialised to their structures, which take 0.55 to 0.8 of the
+Given jobs, it also compiles kernels specialised to their structures, which take 0.65 to 0.9 of the
 time and give the same results to the last bit. `run` specialises by itself from half a million
 histories a rank on, and uses specialised kernels wherever the cache has them.
 

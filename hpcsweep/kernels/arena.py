@@ -117,10 +117,8 @@ def reader(kind):
         def generate(context, builder, signature, arguments):
             array = context.make_array(signature.args[0])(context, builder, arguments[0])
             view = cgutils.create_struct_proxy(seen)(context, builder)
-            view.memory = view.numbers = view.at = builder.bitcast(array.data, cgutils.voidptr_t)
-            words = specialise.known_words(builder, kind)
-            if words is not None:
-                view.at = builder.bitcast(words, cgutils.voidptr_t)
+            view.memory = view.numbers = builder.bitcast(array.data, cgutils.voidptr_t)
+            view.at = specialise.ask_words(builder, seen.name, view.memory)
             return view._getvalue()
 
         return seen(buffer), generate
@@ -185,7 +183,7 @@ class Arena:
 
     def specialise(self, words: Words) -> specialise.Specialisation:
         """Return the specialisation for tuples whose `Pattern` has these words."""
-        return specialise.Specialisation(self._kind, words)
+        return specialise.Specialisation(View(self._kind).name, words)
 
     def pattern(self, value: tuple) -> Pattern:
         """Return a tuple as the pattern of copies that have the same arrays.

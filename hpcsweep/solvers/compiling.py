@@ -1,4 +1,4 @@
-"""Say that kernels are compiled, and how many are left: 4 to 6 s of processor time each, once."""
+"""Say that kernels are compiled, and how many are left: 3 to 5 s of processor time each, once."""
 
 import sys
 import time
@@ -18,7 +18,7 @@ def announced(say: Callable[[str], None], kernels: str) -> Callable[[int, int], 
     def tell(done: int, total: int) -> None:
         nonlocal last
         if done == 0:
-            say(f"compiling {total} {kernels}, once for this type of processor: 4 to 6 s each")
+            say(f"compiling {total} {kernels}, once for this type of processor: 3 to 5 s each")
         elif done < total and time.monotonic() - last >= SILENCE:
             last = time.monotonic()
             say(f"compiled {done} of {total} {kernels}")

@@ -68,8 +68,8 @@ def leaf(packed, x):
 
 @kernel
 def between(packed, x):
-    """A part that calls an entry point."""
-    return 2.0 * leaf(packed, x)
+    """A part that calls an entry point, and reads."""
+    return 2.0 * leaf(packed, x) + read(packed).flags.some.shape[0]
 
 
 @entry_point(FLOAT, FLOAT, inner=True)
@@ -112,7 +112,7 @@ def expected(value, x) -> float:
     matrix, flags, number = value
     product = sum(matrix[i, j] * x[j] for i in range(len(matrix)) for j in range(len(x)))
     one = product * number + len(flags[0])
-    return one + (2.0 * one + 1.0) + len(matrix)
+    return one + (2.0 * one + len(flags[0]) + 1.0) + len(matrix)
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 3), (5, 4)])

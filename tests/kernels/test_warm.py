@@ -134,7 +134,7 @@ def test_there_is_a_line_at_the_start_and_now_and_then(monkeypatch):
     for done in range(4):
         tell(done, 3)
     assert lines == [
-        "compiling 3 kernels, once for this type of processor: 4 to 6 s each",
+        "compiling 3 kernels, once for this type of processor: 3 to 5 s each",
         "compiled 2 of 3 kernels",
     ]
 
@@ -148,7 +148,7 @@ def test_python_says_on_one_line_what_is_compiled_and_nothing_where_nothing_is(
     made = response.record_map(hpcsweep.Structure(1), 0.1)
     assert made == (hpcsweep.Structure(1), 0.1)
     said = capsys.readouterr().err
-    assert said == "hpcsweep: compiling 2 kernels, once for this type of processor: 4 to 6 s each\n"
+    assert said == "hpcsweep: compiling 2 kernels, once for this type of processor: 3 to 5 s each\n"
     response.record_map(*made)
     assert capsys.readouterr().err == ""
 

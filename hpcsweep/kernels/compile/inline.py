@@ -66,6 +66,7 @@ class _WholeLibrary(JITCodeLibrary):
         for library in called:
             if isinstance(library, _InlineLibrary):
                 library.link_into(self._final_module)
+        specialise.define_words(self._final_module)
         specialise.rename_addresses(self._final_module)
         self._linking_libraries = [
             library for library in called if not isinstance(library, _InlineLibrary)
@@ -134,8 +135,7 @@ class _LowerInline(typed_passes.NativeLowering):
         """Lower into a library that is not compiled, and register it for callers."""
         state.library = _InlineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
-        with specialise.compiling(None):
-            super().run_pass(state)
+        super().run_pass(state)
         lowered = state["cr"]
         state.library.finalize()
         entry = _Entry()

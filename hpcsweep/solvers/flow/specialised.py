@@ -1,7 +1,7 @@
 """Choose the kernels of motions: specialised to a structure where these have been compiled.
 
 Kernels specialised to the number of floors, contacts and harmonics
-(`hpcsweep.kernels.compile.specialise`) take 0.55 to 0.8 of the time and give the same results to
+(`hpcsweep.kernels.compile.specialise`) take 0.65 to 0.9 of the time and give the same results to
 the last bit, but have to be compiled once more: `hpcsweep run` does so where it pays, `hpcsweep
 warmup` where it is requested. A new solver uses them if they are loaded or cached, otherwise those
 for any structure.

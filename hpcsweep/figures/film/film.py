@@ -14,9 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import matplotlib  # noqa: F401  (a rank that lacks it stops here, before it meets the others)
-from PIL import Image
-
 from hpcsweep.figures.film.frames import Film, Request, joined
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
@@ -90,6 +87,9 @@ def make(request: Request, comm, progress: Callable[[int, int], Any] | None = No
     PlotError
         On every rank, if no run is complete.
     """
+    import matplotlib  # noqa: F401  (a rank that lacks it stops here, before it meets the others)
+    from PIL import Image
+
     name = f".{request.output.name}."
     new_folder = partial(tempfile.mkdtemp, prefix=name, dir=request.output.parent)
     folder = Path(_on_first(request, comm, new_folder))

@@ -45,12 +45,13 @@ def configure(parser) -> None:
 def run(options) -> int:
     """Make the film on all ranks."""
     from hpcsweep.campaign.progress import make_progress
-    from hpcsweep.figures.film.film import check, make
+    from hpcsweep.figures.film.film import check, load, make
     from hpcsweep.figures.film.frames import Request
     from hpcsweep.figures.style import PlotError
     from hpcsweep.parallel.mpi import on_master, world
     from hpcsweep.store import StoreError
 
+    load()
     comm = world()
     chosen = {field.name: getattr(options, field.name) for field in fields(Request)}
     values = {name: value for name, value in chosen.items() if value is not None}

@@ -43,6 +43,11 @@ PIECE = 8
 """Frames that a rank takes at once."""
 
 
+def load() -> None:
+    """Import what films are drawn with: a rank that lacks it stops before it meets the others."""
+    import matplotlib  # noqa: F401
+
+
 def check(request: Request) -> None:
     """Check a request before any work.
 
@@ -87,7 +92,6 @@ def make(request: Request, comm, progress: Callable[[int, int], Any] | None = No
     PlotError
         On every rank, if no run is complete.
     """
-    import matplotlib  # noqa: F401  (a rank that lacks it stops here, before it meets the others)
     from PIL import Image
 
     name = f".{request.output.name}."

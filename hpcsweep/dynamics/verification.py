@@ -28,9 +28,8 @@ the other side, from which it sees no impact, a move leads past the kink, and th
 from there. Moves need not fall from the first to the last, only in the end.
 
 All points of the orbit are solved for at once, as in `continuation.cycle`: a residual is that of
-one period. Orbits of sliders, and of what has no spring,
-come in families: it is the nearest one, relative to what drifts along directions that no spring
-opposes.
+one period. Orbits of sliders, and of what has no spring, come in families: it is the nearest one,
+relative to what drifts along directions that no spring opposes.
 """
 
 import math
@@ -176,7 +175,7 @@ def verify_orbit(
         try:
             verified = search.converge(search.continued(points, period), marched)
             verified = None if verified is None else search.shortened(verified)
-        except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError):
+        except (ArithmeticError, np.linalg.LinAlgError, ValueError):
             verified = None
         least = min(least, search.least)
         if verified is not None:

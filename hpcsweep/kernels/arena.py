@@ -106,9 +106,8 @@ def _read_field(context, builder, kind, value, name):
     return word(view.numbers, first, context.get_value_type(inner))
 
 
-def reader(kind):
-    """Return a kernel function that reads a placed named tuple of a numba type as a `View`."""
-    seen = View(kind)
+def reader(seen: View):
+    """Return a kernel function that reads a placed named tuple as a view."""
 
     @intrinsic
     def read(typingctx, buffer):
@@ -179,11 +178,12 @@ class Arena:
     def __init__(self, example: tuple):
         self._kind = numba.typeof(Pattern(example).copy()[0])
         self._form: tuple = ()
-        self.read: Any = fallback.read if fallback.PLAIN else reader(self._kind)
+        self._view = View(self._kind)
+        self.read: Any = fallback.read if fallback.PLAIN else reader(self._view)
 
     def specialise(self, words: Words) -> specialise.Specialisation:
         """Return the specialisation for tuples whose `Pattern` has these words."""
-        return specialise.Specialisation(View(self._kind).name, words)
+        return specialise.Specialisation(self._view.name, words)
 
     def pattern(self, value: tuple) -> Pattern:
         """Return a tuple as the pattern of copies that have the same arrays.

@@ -21,8 +21,8 @@ def test_derivatives_of_a_passage_are_those_of_its_moments(v):
     @kernel
     def differentiate(v, a, j, beta, rho, out):
         stop = crossing.at_stop(v, a, j, beta, rho)
-        free = tangent._differentiated(-1.0, stop)
-        contact = tangent._differentiated(1.0, stop)
+        free = tangent._half(-1.0, stop, crossing.speeds(-1.0, stop))
+        contact = tangent._half(1.0, stop, crossing.speeds(1.0, stop))
         found = crossing.sums(free[0], contact[0])
         moments = crossing.since_linear(found, stop)
         for k in range(7):
@@ -30,7 +30,8 @@ def test_derivatives_of_a_passage_are_those_of_its_moments(v):
         for row in range(1, 3):
             by_v, by_a = 2.0 - row, row - 1.0
             rates = crossing.sums(
-                tangent._rates(free, by_v, by_a), tangent._rates(contact, by_v, by_a)
+                tangent._rates(-1.0, free, stop, by_v, by_a),
+                tangent._rates(1.0, contact, stop, by_v, by_a),
             )
             rates = crossing.rates_since_linear(found, rates, by_v, stop)
             for k in range(7):

@@ -28,8 +28,8 @@ from hpcsweep.model.observed import (
 )
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
-from hpcsweep.solvers.flow.layer.passage.passage import Arrival, passage_at_end
-from hpcsweep.solvers.flow.layer.passage.tangent import passage_tangent
+from hpcsweep.solvers.flow.layer.passage.passage import passage_at_end
+from hpcsweep.solvers.flow.layer.passage.tangent import passage_tangent, speeds_of_passage
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.observe.impacts import (
@@ -126,15 +126,13 @@ def segment_tangent(segment, ending, shared, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
     if tangent is None or tangent.shape[1] == 0:
         return
-    model, work = shared.model, shared.work
+    model, work, contact = shared.model, shared.work, ending.contact
+    is_kicked = ending.passed and model.rho < math.inf
+    if is_kicked:
+        passage = speeds_of_passage(contact, work.step.z_end, work.step.a, ending.jerk, model)
     step_tangent(segment, ending.span, 1, tangent, model, shared.tables, work.step.spectral)
-    contact = ending.contact
-    if ending.passed:
-        z = work.step.z_end
-        z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
-        after, tau = segment.key ^ contact_bit(contact), segment.tau + ending.span
-        arrival = Arrival(contact, after, tau, work.forcing)
-        passage_tangent(arrival, z, work.step.a, ending.jerk, model, tangent)
+    if is_kicked:
+        passage_tangent(contact, segment.key ^ contact_bit(contact), passage, model, tangent)
 
 
 @inlined

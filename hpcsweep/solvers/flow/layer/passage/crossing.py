@@ -40,7 +40,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, root, total
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.rules.tableau import recurrence, rule
@@ -167,7 +167,16 @@ def delays(side, stop, x, later):
 
 
 @inlined
-def half_passage(side, stop):
+def speeds(side, stop):
+    """Return the distances from the stop X, the speeds w there and 1 / (|v*| + w) at the nodes."""
+    x = load(NODES, 0) * stop.width
+    work = fma(x, stop.a, load(POTENTIAL, 0) * stop.unit) * (2.0 * side)
+    w = root(fma(x * x, _bend(side, stop), work + stop.speed * stop.speed))
+    return x, w, 1.0 / (w + stop.speed)
+
+
+@inlined
+def half_passage(side, stop, found):
     """Return s^k r ds, k = 0 to 4, at the nodes of half a passage; see `moments` and the module.
 
     Parameters
@@ -175,17 +184,10 @@ def half_passage(side, stop):
     side : float
         1 for the half at x > 0, -1 for that at x < 0.
     stop : AtStop
-
-    Returns
-    -------
-    moments : tuple of Lanes
-    x, w : Lanes
-        Distances from the stop, and the speeds there.
+    found : tuple of Lanes
+        Of `speeds`.
     """
-    x = load(NODES, 0) * stop.width
-    work = fma(x, stop.a, load(POTENTIAL, 0) * stop.unit) * (2.0 * side)
-    w = root(fma(x * x, _bend(side, stop), work + stop.speed * stop.speed))
-    later = 1.0 / (w + stop.speed)
+    x, w, later = found
     t = x * later * (2.0 * stop.sign * side)
     bent, delayed = delays(side, stop, x, later)
     t = fma(t, bent + delayed, t)
@@ -193,7 +195,7 @@ def half_passage(side, stop):
     first = share * t
     second = first * t
     third = second * t
-    return (share, first, second, third, third * t), x, w
+    return share, first, second, third, third * t
 
 
 @inlined
@@ -270,12 +272,12 @@ def moments(v, a, j, beta, rho):
         x > 0, m_4 of that at x > 0.
     """
     stop = at_stop(v, a, j, beta, rho)
-    free, _, _ = half_passage(-1.0, stop)
-    contact, _, _ = half_passage(1.0, stop)
+    free = half_passage(-1.0, stop, speeds(-1.0, stop))
+    contact = half_passage(1.0, stop, speeds(1.0, stop))
     return since_linear(sums(free, contact), stop)
 
 
-@kernel
+@inlined
 def add_kick(m, contact, key, model, z):
     """Add the change of the state by a passage of `contact` with the moments m to z.
 

@@ -59,6 +59,7 @@ from hpcsweep.solvers.flow.layer.passage.crossing import (
     moments,
     passage_is_fast,
     since_linear,
+    speeds,
     sums,
 )
 from hpcsweep.solvers.flow.observe.impacts import record
@@ -308,8 +309,8 @@ def passage_at_end(segment, ending, model, tally, step):
     inner = sign * contacts.damped[k, row]
     bend = sign * contacts.bent[k, row] - beta
     stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
-    free, _, _ = half_passage(-1.0, stop)
-    contact, _, _ = half_passage(1.0, stop)
+    free = half_passage(-1.0, stop, speeds(-1.0, stop))
+    contact = half_passage(1.0, stop, speeds(1.0, stop))
     m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
     m = free if closing else contact
     arriving = bend + beta if closing else bend

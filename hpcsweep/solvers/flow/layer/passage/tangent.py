@@ -21,8 +21,6 @@ segment of `period` give
 - inside a layer: the variational equations of the collocation solution, at the same stages.
 """
 
-import math
-
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
@@ -35,6 +33,7 @@ from hpcsweep.solvers.flow.layer.passage.crossing import (
     half_passage,
     rates_since_linear,
     since_linear,
+    speeds,
     sums,
 )
 from hpcsweep.solvers.flow.state.shared import LINEAR_STEPS
@@ -79,101 +78,97 @@ def coast_on(segment, coasts, left, tangent, shared):
 
 
 @inlined
-def _rates(half, faster, pushed):
-    """Differentiate c t^k / w, k = 0 to 4, of `half`, where v and a change at these rates."""
-    powers, shares_v, times_v, shares_a, times_a = half
-    shares = fma(faster, shares_v, pushed * shares_a)
-    times = fma(faster, times_v, pushed * times_a)
+def _half(side, stop, found):
+    """Return the moments of `half_passage`, x, 1 / w, (1 + 2 b + c) / (|v*| + w) and c."""
+    x, w, later = found
+    bent, delayed = delays(side, stop, x, later)
+    share = later * fma(2.0, bent, delayed + 1.0)
+    return half_passage(side, stop, found), x, 1.0 / w, share, delayed
+
+
+@inlined
+def _rates(side, half, stop, faster, pushed):
+    """Differentiate the moments of `_half`, where v and a change at these rates."""
+    powers, x, inverse, share, delayed = half
+    rising = stop.v * stop.slowness * faster
+    bend = -0.5 * stop.sign * stop.j * rising * stop.slowness * stop.slowness
+    quicker = fma(x, fma(x, bend, side * pushed), stop.v * faster) * inverse
+    # of c / w and of t, in parts of these
+    first = -1.0 * quicker * inverse
+    time = fma(-1.0 * share, quicker + rising, -1.0 * rising * stop.slowness * delayed)
     return (
-        -1.0 * powers[0] * shares,
-        -1.0 * powers[1] * (shares + times),
-        -1.0 * powers[2] * fma(2.0, times, shares),
-        -1.0 * powers[3] * fma(3.0, times, shares),
-        -1.0 * powers[4] * fma(4.0, times, shares),
+        powers[0] * first,
+        powers[1] * (first + time),
+        powers[2] * fma(2.0, time, first),
+        powers[3] * fma(3.0, time, first),
+        powers[4] * fma(4.0, time, first),
     )
 
 
 @inlined
-def _differentiated(side, stop):
-    """Return the moments of half a passage node by node, and their derivatives.
+def speeds_of_passage(contact, z, a, jerk, model):
+    """Return a contact at its stop and the `speeds` of its fast passage, for `passage_tangent`.
+
+    Their roots and quotients wait for each other: other work is best done between the two calls.
 
     Parameters
     ----------
-    side : float
-        1 for the half at x > 0, -1 for that at x < 0.
-    stop : crossing.AtStop
-
-    Returns
-    -------
-    moments : tuple of Lanes
-        m_0 to m_4.
-    shares_v, times_v, shares_a, times_a : Lanes
-        Logarithmic derivatives of w and of 1 / t by v and by a; see the module.
-    """
-    powers, x, w = half_passage(side, stop)
-    inverse = 1.0 / w
-    later = 1.0 / (w + stop.speed)
-    square = stop.slowness * stop.slowness
-    bend = -0.5 * stop.sign * stop.j * stop.v * square * stop.slowness
-    faster = fma(x * x, bend, stop.v) * inverse
-    pushed = x * inverse * side
-    bent, delayed = delays(side, stop, x, later)
-    share = fma(2.0, bent, delayed + 1.0)
-    rising = stop.v * stop.slowness
-    earlier = fma((faster + rising) * later, share, delayed * (rising * stop.slowness))
-    return powers, faster * inverse, earlier, pushed * inverse, pushed * later * share
-
-
-@inlined
-def passage_tangent(arrival, z, a, jerk, model, tangent):
-    """Multiply `tangent` by the matrix S of a fast passage, in place.
-
-    The kick is differentiated by v and by a; for a single column in one directional derivative.
-
-    Parameters
-    ----------
-    arrival : Arrival
-        Its `key` is the contact set after the passage.
+    contact : int
     z : ndarray, shape (2R,)
         State at the stop before the kick.
     a : ndarray, shape (R,)
         Accelerations there without the force of the contact.
     jerk : float
         Their derivative in its row.
+    """
+    n, contacts = model.stiffness.shape[0], model.contacts
+    row, sign, beta = contacts.row[contact], contacts.sign[contact], contacts.beta[contact]
+    stop = at_stop(sign * z[n + row], sign * a[row], sign * jerk, beta, model.rho)
+    return stop, speeds(-1.0, stop), speeds(1.0, stop)
+
+
+@inlined
+def passage_tangent(contact, key, passage, model, tangent):
+    """Multiply `tangent` by the matrix S of a fast passage, in place.
+
+    The kick is differentiated by v and by a; for a single column in one directional derivative.
+
+    Parameters
+    ----------
+    contact : int
+    key : uint64
+        Contact set after the passage.
+    passage : tuple
+        Of `speeds_of_passage`.
     tangent : ndarray, shape (2R, m)
     """
-    contact, key_after = arrival.contact, arrival.key
-    contacts = model.contacts
-    beta, rho = contacts.beta[contact], model.rho
-    if rho == math.inf or beta == 0.0:
-        return
     n, n_columns = model.stiffness.shape[0], tangent.shape[1]
-    row, sign = contacts.row[contact], contacts.sign[contact]
-    v, pushed_by, bend = sign * z[n + row], sign * a[row], sign * jerk
-    stop = at_stop(v, pushed_by, bend, beta, rho)
-    free, inside = _differentiated(-1.0, stop), _differentiated(1.0, stop)
+    stop, outer, inner = passage
+    free, inside = _half(-1.0, stop, outer), _half(1.0, stop, inner)
     found = sums(free[0], inside[0])
     kicks, drift = local_matrix(3, 2 * n), local_vector(2 * n)
     kicks[:] = 0.0
-    add_kick(since_linear(found, stop), contact, key_after, model, kicks[2])
-    _drift_of_kick(key_after, kicks[2], model, drift)
+    later, faster, pushed = _changes(contact, key, 0, stop, model, tangent)
+    # the kick and its derivatives: in one loop, as `add_kick` is long
+    for which in range(min(n_columns, 2) + 1):
+        m = since_linear(found, stop)
+        if which > 0:
+            by_v, by_a = 2.0 - which, which - 1.0
+            if n_columns == 1:
+                by_v, by_a = faster, pushed
+            rates = sums(
+                _rates(-1.0, free, stop, by_v, by_a), _rates(1.0, inside, stop, by_v, by_a)
+            )
+            m = rates_since_linear(found, rates, by_v, stop)
+        add_kick(m, contact, key, model, kicks[which])
+    _drift_of_kick(key, kicks[0], model, drift)
     for column in range(n_columns):
-        later = sign * tangent[row, column] / v
-        # along f_- the speed changes by a and the acceleration by the jerk
-        faster = sign * tangent[n + row, column] - later * pushed_by
-        pushed = sign * _pushed(contact, key_after, column, tangent, model) - later * bend
-        if column == 0:
-            for which in range(min(n_columns, 2)):
-                by_v, by_a = 1.0 - which, 0.0 + which
-                if n_columns == 1:
-                    by_v, by_a = faster, pushed
-                rates = sums(_rates(free, by_v, by_a), _rates(inside, by_v, by_a))
-                rates = rates_since_linear(found, rates, by_v, stop)
-                add_kick(rates, contact, key_after, model, kicks[which])
         if n_columns == 1:
             faster, pushed = 1.0, 0.0
+        else:
+            later, faster, pushed = _changes(contact, key, column, stop, model, tangent)
         for i in range(2 * n):
-            tangent[i, column] += kicks[0, i] * faster + kicks[1, i] * pushed + drift[i] * later
+            tangent[i, column] += kicks[1, i] * faster + kicks[2, i] * pushed + drift[i] * later
 
 
 @inlined
@@ -195,10 +190,10 @@ def _drift_of_kick(key, kick, model, drift):
 
 
 @inlined
-def _pushed(contact, key, column, tangent, model):
-    """Return the variation of the acceleration in the row of a contact, without its own force."""
+def _changes(contact, key, column, stop, model, tangent):
+    """Return dx / v, by which the stop is reached earlier, and the variations of v and a there."""
     contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
-    n, row = stiffness.shape[0], contacts.row[contact]
+    n, row, sign = stiffness.shape[0], contacts.row[contact], contacts.sign[contact]
     pushed = 0.0
     for j in range(n):
         pushed -= stiffness[row, j] * tangent[j, column]
@@ -207,6 +202,9 @@ def _pushed(contact, key, column, tangent, model):
         for k in range(contacts.row.shape[0]):
             if k != contact and (key >> np.uint64(k)) & np.uint64(1):
                 stretched = contacts.sign[k] * tangent[contacts.row[k], column]
-                oblique = contacts.sign[contact] * contacts.oblique[contact, k]
+                oblique = sign * contacts.oblique[contact, k]
                 pushed -= oblique * contacts.beta[k] * stretched
-    return pushed
+    later = sign * tangent[row, column] / stop.v
+    # along f_- the speed changes by a and the acceleration by the jerk
+    faster = sign * tangent[n + row, column] - later * stop.a
+    return later, faster, sign * pushed - later * stop.j

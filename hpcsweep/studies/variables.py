@@ -96,6 +96,11 @@ RUN_VARIABLES = (
         "forcing periods integrated after the window until the motion was classified",
         "forcing periods",
     ),
+    count(
+        *("band_cycles", ()),
+        "forcing periods for which chaos of its band was followed, up to this run of a path",
+        "forcing periods",
+    ),
     real(
         "final_state",
         ("state",),
@@ -130,7 +135,7 @@ def run_variables(settings: SweepSettings, structure: Structure) -> list[Variabl
         if "lyapunov" in wanted:
             wanted |= {"lyapunov_low", "lyapunov_high"}
     if settings.classify_cycles:
-        wanted |= {"motion", "window_class", "classification_cycles"}
+        wanted |= {"motion", "window_class", "classification_cycles", "band_cycles"}
     wanted -= without_contacts(structure)
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 

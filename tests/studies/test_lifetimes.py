@@ -48,10 +48,13 @@ def test_neighbours_are_tested_together_wherever_blocks_are_cut(omega, first, be
     start = runs.follow(before, np.full(6, 0.1))
     whole = runs.follow(amplitudes, end_of(start, -1)[:6])
     assert set(whole["motion"].tolist()) == {MotionClass.CHAOTIC}
-    followed = whole["classification_cycles"]
+    followed, band = whole["classification_cycles"], whole["band_cycles"]
     assert followed[0] >= most
-    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 4, most // 64).clip(None, most))
+    below = most == 8_000
+    asked = most - band[:-1] if below else band[:-1] // 4
+    assert np.all(followed[1:] >= asked.clip(max(most // 64, 1), most))
     assert followed[-1] < 2_600
+    np.testing.assert_array_equal(band, np.cumsum(followed).clip(None, most) if below else followed)
     for size in (1, 3):
         state, parts = end_of(start, -1)[:6], []
         for at in range(0, 8, size):
@@ -63,22 +66,42 @@ def test_neighbours_are_tested_together_wherever_blocks_are_cut(omega, first, be
 
 def test_a_band_of_neighbours_refuses_what_its_first_run_does():
     """With a mean lifetime of L all outlive S_1, S_2, ... with probability exp(-sum S / L)."""
-    omega, amplitude = 0.8025, 0.5
-    runs = FrameRuns(OSCILLATOR, omega, SweepSettings(classify_cycles=50_000))
-    for above, first in ((True, 312), (False, 50_000)):
-        at = amplitude if above else 0.9 * OSCILLATOR.grazing_amplitude(omega)
-        asked = [runs._outlived(at, True, 0)]
-        for _ in range(11):
-            asked.append(runs._outlived(at, True, asked[-1]))
-        assert asked[:3] == [first, first // 4, first // 16]
+    runs = FrameRuns(OSCILLATOR, 0.8025, SweepSettings(classify_cycles=50_000))
+    grazing = OSCILLATOR.grazing_amplitude(0.8025)
+    for amplitude, first in ((0.5, 312), (0.9 * grazing, 50_000)):
+        asked, before, above = [], 0, amplitude > grazing
+        for _ in range(12):
+            asked.append(runs._outlived(amplitude, True, before))
+            before = asked[-1] if above else before + asked[-1]
+        assert asked[:3] == ([312, 78, 19] if above else [50_000, 781, 781])
         assert asked[-1] == max(first // 64, 1)
         refused = first / -math.log(0.05)
         ended = np.random.default_rng(6).exponential(refused, (200_000, len(asked))) < asked
         assert np.mean(ended[:, 0]) == pytest.approx(0.95, abs=0.002)
         passed = math.exp(-sum(asked) / refused)
         assert np.mean(~ended.any(axis=1)) == pytest.approx(passed, abs=0.001)
-        # after an end, and where less was followed, it begins anew
-        assert runs._outlived(at, True, asked[-1] - 1) == first
+        # after an end, and above grazing where less was followed, it begins anew
+        assert runs._outlived(amplitude, True, 0) == first
+        assert not above or runs._outlived(amplitude, True, asked[-1] - 1) == first
+
+
+def test_chaos_of_a_band_counts_across_runs_without_chaos():
+    """Below grazing each of these takes 1/32 of it away, and an end all; above both take all."""
+    runs = FrameRuns(OSCILLATOR, 0.8025, SweepSettings(classify_cycles=50_000))
+    chaos, other = MotionClass.CHAOTIC, MotionClass.PERIODIC
+    rows = {
+        "motion": np.array([chaos, other, chaos, other, other, chaos]),
+        "window_class": np.array([chaos, other, chaos, other, chaos, chaos]),
+        "classification_cycles": np.array([40_000, 0, 10_000, 0, 300, 100]),
+        "band_cycles": np.zeros(6, int),
+    }
+    grazing = OSCILLATOR.grazing_amplitude(0.8025)
+    for factor, expected in (
+        (0.9, [40_000, 38_750, 48_750, 47_226, 0, 100]),
+        (1.1, [40_000, 0, 10_000, 0, 0, 100]),
+    ):
+        assert runs._band(rows, np.full(6, factor * grazing), range(6), 0) == 100
+        assert rows["band_cycles"].tolist() == expected
 
 
 @pytest.mark.slow

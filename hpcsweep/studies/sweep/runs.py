@@ -65,12 +65,13 @@ ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
 Figure 6 as described that ended within 3,000 periods 8 did so within 300."""
-POOLED, LESS = 64, 4
+POOLED, LESS, FADES = 64, 4, 32
 """Part of these periods, and of those of the run before, that suffices on a path where the chaos of
 that run was followed for as much: neighbours are one test. With a rate of escape kappa all runs of
 a band outlive S_1, S_2, ... periods with probability exp(-kappa (S_1 + S_2 + ...)), so that the
 band refuses what its first run refuses (`lifetime`), and each run adds to it. What ends in it
-begins a new band."""
+begins a new band. Below grazing, where the first run is long, all before it in a band count, less
+1/32 for each run between them that has no chaos."""
 
 
 class FrameRuns:
@@ -165,6 +166,7 @@ class FrameRuns:
         size = self.structure.state_units.size
         start, index, before = np.array(state[:size], dtype=float), 0, int(sum(state[size:]))
         while index < len(amplitudes):
+            first = index
             if self._batch is None:
                 if poll is not None:
                     poll()
@@ -172,13 +174,14 @@ class FrameRuns:
             else:
                 done = self._batch.into(result, index, amplitudes, start, follow, poll)
                 index, start, left = index + len(done.orbits.rule), done.state, done.open
+                before = self._band(result, amplitudes, range(first, index), before)
                 if left is None:
                     continue
             if left is not None:
-                if follow and index > 0:
-                    before = chaotic_cycles(result, index - 1)
                 outlived = self._outlived(float(amplitudes[index]), follow, before)
                 self._window(left, float(amplitudes[index]), _row(result, index), outlived, poll)
+            if follow:
+                before = self._band(result, amplitudes, range(index, index + 1), before)
             start = result["final_state"][index].copy() if follow else start
             index += 1
         return result
@@ -218,14 +221,32 @@ class FrameRuns:
         """Return the forcing periods that chaos must outlive.
 
         Below grazing a motion without contact attracts, and chaos beside it is likely to be a
-        transient: it is followed for as long as a run may be. In both cases for less where the
-        chaos of the run `before` was followed for so many forcing periods.
+        transient: it is followed for as long as a run may be. In both cases for less where chaos
+        `before` was followed for so many forcing periods.
         """
         most = self.settings.classify_cycles or 0
-        if not amplitude < self._grazing_amplitude:  # which need not be known
-            most //= ON_PATH if follow else ALONE
+        if amplitude < self._grazing_amplitude:  # which need not be known
+            return min(max(most - before, most // POOLED, 1), most)
+        most //= ON_PATH if follow else ALONE
         least = max(most // POOLED, 1)
         return min(max(before // LESS, least), most) if before >= least else most
+
+    def _band(self, rows: Rows, amplitudes: np.ndarray, runs: range, before: int) -> int:
+        """Store for how long chaos was followed up to each of some runs, `before` these; see LESS.
+
+        Return what is stored of the last one.
+        """
+        for run in runs if "band_cycles" in rows else ():
+            below = amplitudes[run] < self._grazing_amplitude
+            if rows["motion"][run] == MotionClass.CHAOTIC:
+                before = int(rows["classification_cycles"][run]) + before * int(below)
+                before = min(before, int(self.settings.classify_cycles or 0))
+            elif below and rows["window_class"][run] != MotionClass.CHAOTIC:
+                before = before * (FADES - 1) // FADES
+            else:
+                before = 0
+            rows["band_cycles"][run] = before
+        return before
 
     @cached_property
     def _grazing_amplitude(self) -> float:
@@ -292,16 +313,10 @@ class FrameRuns:
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 
-def chaotic_cycles(rows: Rows, row: int) -> int:
-    """Return for how many periods the motion of a run was followed, if it is chaotic; else 0."""
-    chaotic = "motion" in rows and rows["motion"][row] == MotionClass.CHAOTIC
-    return int(rows["classification_cycles"][row]) if chaotic else 0
-
-
 def end_of(rows: Rows, row: int) -> np.ndarray:
-    """Return what a path carries from a run to the next: its end state, and `chaotic_cycles`."""
+    """Return what a path carries from a run to the next: its end state, and ``band_cycles``."""
     end = rows["final_state"][row]
-    return np.append(end, chaotic_cycles(rows, row)) if "motion" in rows else end
+    return np.append(end, rows["band_cycles"][row]) if "band_cycles" in rows else end
 
 
 def _row(result: Rows, index: int) -> Rows:
@@ -360,7 +375,7 @@ class AmplitudeSweep(PathGrid):
     @property
     def carried(self) -> tuple[str, ...]:  # type: ignore[override]
         """Variables that hold the start of the next run."""
-        tested = ("motion", "classification_cycles") if self.settings.classify_cycles else ()
+        tested = ("band_cycles",) if self.settings.classify_cycles else ()
         return ("final_state", *tested)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
